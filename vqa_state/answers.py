@@ -1,0 +1,167 @@
+"""From what a model said to arrays: free text → YES / NO / INVALID → `AnswerTable`.
+
+The raw text is what the store keeps; it is read again each time a table is made, so a better
+parser needs no new calls. A change of the rules raises `PARSER_VERSION`.
+"""
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from vqa_state.questions import Question
+
+__all__ = ["MISSING", "PARSER_VERSION", "Answer", "AnswerTable", "Reading", "read_answer"]
+
+PARSER_VERSION = 1
+
+MISSING = -128
+"""Mark of an answer that a failed call never gave. It is not Invalid and never counted."""
+
+
+class Reading(StrEnum):
+    """What a free text says to a yes/no question."""
+
+    YES = "yes"
+    NO = "no"
+    INVALID = "invalid"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One answer of a model: its raw text, and how sure it was.
+
+    `p_yes` is P(yes) / (P(yes) + P(no)) in [0, 1], or None where the model has no probabilities.
+    """
+
+    text: str
+    p_yes: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.p_yes is not None and not 0.0 <= self.p_yes <= 1.0:
+            raise ValueError(f"p_yes must be in [0, 1] or None, got {self.p_yes}")
+
+    @property
+    def reading(self) -> Reading:
+        """Yes, no or neither, by `read_answer`."""
+        return read_answer(self.text)
+
+    def verdict(self, yes_means: int) -> int:
+        """+1 if the answer speaks for the positive state, -1 for the negative, 0 for neither."""
+        return {Reading.YES: yes_means, Reading.NO: -yes_means, Reading.INVALID: 0}[self.reading]
+
+
+_YES = frozenset({"yes", "yeah", "yep", "yup", "true", "correct"})
+_NO = frozenset({"no", "nope", "nah", "false", "incorrect"})
+_THINKING = re.compile(r"<think>.*?</think>", re.DOTALL)
+_TAG = re.compile(r"<[^<>]*>")
+_ROLE = re.compile(r"^\W*(?:assistant|answer|a)\s*[:\-]\s*")
+_WORD = re.compile(r"[^\W_]+(?:['-][^\W_]+)*")
+_SET_OFF = re.compile(r"\s*(?:[.,;:!\n]|[–—]|-\s)")
+_HEDGE = re.compile(
+    r"\b(?:not (?:really )?(?:sure|certain|clear|possible to)|unsure|uncertain|unclear|unknown"
+    r"|maybe|perhaps|possibly|probably|likely|might be|could be|hard to (?:tell|say)|yes (?:or|and) no"
+    r"|unable to|(?:cannot|can't|can not|couldn't|could not|don't|do not) "
+    r"(?:really )?(?:be )?(?:tell|say|see|know|judge|answer|determined?|decide))\b"
+)
+
+
+def read_answer(text: str) -> Reading:
+    """Read a clear yes or no out of free text; never guess from content words.
+
+    Tags, a model's thinking and a leading "Answer:" are dropped. The first word must be yes- or
+    no-like as a whole word ("None", "Not sure", "Now closed" are not "no"); a hedge anywhere makes
+    the answer invalid; when both yes and no occur, the first counts only if punctuation sets it
+    off and a sentence follows. "Open" or "closed" alone is invalid: what it says depends on the
+    question.
+    """
+    plain = _plain(text)
+    words = _WORD.findall(plain)
+    said = [_yes_or_no(word) for word in words]
+    if not said or said[0] is None or _HEDGE.search(plain):
+        return Reading.INVALID
+    if len({reading for reading in said if reading}) == 1:
+        return said[0]
+    only_yes_and_no = all(said)
+    end_of_first = plain.index(words[0]) + len(words[0])
+    if only_yes_and_no or not _SET_OFF.match(plain, end_of_first):
+        return Reading.INVALID
+    return said[0]
+
+
+def _plain(text: str) -> str:
+    plain = unicodedata.normalize("NFKC", text).replace("’", "'").lower()
+    return _ROLE.sub("", _TAG.sub(" ", _THINKING.sub(" ", plain)).strip())
+
+
+def _yes_or_no(word: str) -> Reading | None:
+    if word in _YES:
+        return Reading.YES
+    return Reading.NO if word in _NO else None
+
+
+@dataclass(frozen=True, eq=False)
+class AnswerTable:
+    """What a model's answers say about each image: all that search and evaluation know.
+
+    Attributes:
+        image_ids: n_images ids.
+        questions: n_questions questions.
+        verdicts: int8 (n_images, n_copies, n_questions): +1 speaks for the positive state, -1 for
+            the negative, 0 is invalid, `MISSING` was never given.
+        p_positive: float32, same shape: the model's own share for the positive state in [0, 1],
+            NaN where unknown.
+        labels: int8 (n_images,), +1 or -1.
+    """
+
+    image_ids: tuple[str, ...]
+    questions: tuple[Question, ...]
+    verdicts: npt.NDArray[np.int8]
+    p_positive: npt.NDArray[np.float32]
+    labels: npt.NDArray[np.int8]
+
+    def __post_init__(self) -> None:
+        shape = (len(self.image_ids), self.n_copies, len(self.questions))
+        if self.verdicts.shape != shape or self.p_positive.shape != shape:
+            raise ValueError(
+                f"verdicts and p_positive must have shape (n_images, n_copies, n_questions) = "
+                f"{shape}, got {self.verdicts.shape} and {self.p_positive.shape}"
+            )
+        if self.labels.shape != shape[:1] or not np.isin(self.labels, (-1, 1)).all():
+            raise ValueError(f"labels must be {shape[0]} values of +1 or -1, got {self.labels}")
+        if not np.isin(self.verdicts, (-1, 0, 1, MISSING)).all():
+            raise ValueError(f"verdicts must be -1, 0, +1 or MISSING ({MISSING})")
+
+    @property
+    def n_images(self) -> int:
+        """Number of images, with complete answers or not."""
+        return len(self.image_ids)
+
+    @property
+    def n_copies(self) -> int:
+        """Number of shifted copies of each image."""
+        return int(self.verdicts.shape[1])
+
+    @property
+    def n_questions(self) -> int:
+        """Number of questions."""
+        return len(self.questions)
+
+    @property
+    def complete(self) -> npt.NDArray[np.bool_]:
+        """(n_images,): True where no answer of the image is missing."""
+        return np.asarray((self.verdicts != MISSING).all(axis=(1, 2)))
+
+    def take(self, mask: npt.NDArray[np.bool_]) -> "AnswerTable":
+        """The same table with only the images where `mask`, bool (n_images,), is True."""
+        chosen = np.flatnonzero(mask)
+        return AnswerTable(
+            tuple(self.image_ids[i] for i in chosen),
+            self.questions,
+            self.verdicts[chosen],
+            self.p_positive[chosen],
+            self.labels[chosen],
+        )

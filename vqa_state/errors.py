@@ -1,0 +1,65 @@
+"""Every error that this package raises on purpose.
+
+VQAStateError
+├── ImageError             a picture is damaged, too large or of a kind that we do not read
+├── QuestionError          a wording, a state phrase or a question cannot be used
+├── ProjectError           a project folder is missing, damaged, newer than this program or busy
+├── StoreError             the answer store cannot be read or written
+├── ModelError             a model cannot be loaded, or gave no usable reply
+│   ├── UnknownModelError  no model has that name
+│   └── MissingPackageError  the model needs a package that is not installed
+├── NothingToSearchError   the project has too little to choose questions from
+└── RecognizerError        a recognizer file is damaged, newer than this program or for another model
+
+A message names what was given, what is allowed and what to do next; the app and the command
+line show it as it is.
+"""
+
+
+class VQAStateError(Exception):
+    """Base class: the command line and the app show its message and carry on."""
+
+
+class ImageError(VQAStateError):
+    """A picture is damaged, too large or of a kind that we do not read."""
+
+
+class QuestionError(VQAStateError):
+    """A wording, a state phrase or a question cannot be used."""
+
+
+class ProjectError(VQAStateError):
+    """A project folder is missing, damaged, newer than this program or busy."""
+
+
+class StoreError(VQAStateError):
+    """The answer store cannot be read or written."""
+
+
+class ModelError(VQAStateError):
+    """A model cannot be loaded, or gave no usable reply."""
+
+
+class UnknownModelError(ModelError):
+    """No model has that name."""
+
+    def __init__(self, name: str, known: list[str]) -> None:
+        super().__init__(f"unknown model {name!r}; choose one of: {', '.join(sorted(known))}")
+
+
+class MissingPackageError(ModelError):
+    """The model needs a package that is not installed."""
+
+    def __init__(self, model: str, package: str) -> None:
+        super().__init__(
+            f"the model {model!r} needs the package {package!r}, which is not installed; "
+            f"install it with: pip install {package}"
+        )
+
+
+class NothingToSearchError(VQAStateError):
+    """The project has too little to choose questions from."""
+
+
+class RecognizerError(VQAStateError):
+    """A recognizer file is damaged, newer than this program or for another model."""

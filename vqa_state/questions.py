@@ -1,0 +1,212 @@
+"""The question grid: forms × articles × state phrases × wordings, and the user's own questions.
+
+Source: paper II-A. Its eleven experiments come out with 16 to 64 questions.
+"""
+
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from itertools import product
+
+from vqa_state.errors import QuestionError
+
+__all__ = [
+    "MAX_QUESTIONS",
+    "Article",
+    "BuiltGrid",
+    "Form",
+    "Question",
+    "QuestionGrid",
+    "StatePhrase",
+    "Wording",
+    "phrases_for",
+]
+
+MAX_QUESTIONS = 1000
+"""Each question costs a call for every copy of every image; beyond this a grid is a mistake."""
+
+MAX_TEXT = 300
+_ARTICLE_SLOT = "{article}"
+
+
+class Form(StrEnum):
+    """The sentence around the state."""
+
+    IS = "is"
+    DOES = "does"
+    CUSTOM = "custom"
+
+
+class Article(StrEnum):
+    """The word before the thing; "a" becomes "an" before a vowel sound."""
+
+    A = "a"
+    THE = "the"
+    THIS = "this"
+    THAT = "that"
+
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """A name for the thing, and for some things a place that carries the article instead.
+
+    `Wording("elevator door")` gives "Is this elevator door open?";
+    `Wording("water", "from {article} faucet")` gives "Is water running from this faucet?".
+    """
+
+    noun: str
+    tail: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "noun", clean_text(self.noun, "a wording"))
+        if self.tail is None:
+            return
+        tail = clean_text(self.tail, "a wording's tail")
+        if tail.count(_ARTICLE_SLOT) != 1 or tail.endswith(_ARTICLE_SLOT):
+            raise QuestionError(
+                f"the tail {tail!r} of the wording {self.noun!r} must hold {_ARTICLE_SLOT} once, "
+                f"followed by a noun, as in 'in {_ARTICLE_SLOT} sink'"
+            )
+        object.__setattr__(self, "tail", tail)
+
+
+@dataclass(frozen=True, slots=True)
+class StatePhrase:
+    """Words for a state, and which state a "yes" to them speaks for (+1 positive, -1 negative)."""
+
+    text: str
+    yes_means: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", clean_text(self.text, "a state phrase"))
+        check_polarity(self.yes_means, self.text)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A yes/no sentence, what "yes" means, and where it stands on the four axes of the grid."""
+
+    text: str
+    yes_means: int
+    form: Form = Form.CUSTOM
+    article: Article | None = None
+    phrase: str | None = None
+    wording: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", clean_text(self.text, "a question"))
+        check_polarity(self.yes_means, self.text)
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltGrid:
+    """What a grid gives: the questions to ask, and those that are not asked, with the reason."""
+
+    questions: tuple[Question, ...]
+    switched_off: tuple[Question, ...]
+    duplicates: tuple[Question, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class QuestionGrid:
+    """The axes of the grid, the user's own questions, and the texts that are switched off."""
+
+    wordings: tuple[Wording, ...] = ()
+    phrases: tuple[StatePhrase, ...] = ()
+    forms: tuple[Form, ...] = (Form.IS, Form.DOES)
+    articles: tuple[Article, ...] = tuple(Article)
+    custom: tuple[Question, ...] = ()
+    switched_off: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if Form.CUSTOM in self.forms:
+            raise QuestionError("a grid has the forms 'is' and 'does'; own questions go beside it")
+        n_cells = len(self.wordings) * len(self.phrases) * len(self.forms) * len(self.articles)
+        if n_cells + len(self.custom) > MAX_QUESTIONS:
+            raise QuestionError(
+                f"this grid has {n_cells + len(self.custom):,} questions; at most "
+                f"{MAX_QUESTIONS:,} are allowed: take out wordings, phrases or own questions"
+            )
+
+    def build(self) -> BuiltGrid:
+        """All questions once: a second one with the same text is dropped and listed."""
+        seen: dict[str, Question] = {}
+        duplicates = []
+        for question in (*self._cells(), *self.custom):
+            if question.text in seen:
+                duplicates.append(question)
+            else:
+                seen[question.text] = question
+        return BuiltGrid(
+            questions=tuple(q for t, q in seen.items() if t not in self.switched_off),
+            switched_off=tuple(q for t, q in seen.items() if t in self.switched_off),
+            duplicates=tuple(duplicates),
+        )
+
+    def _cells(self) -> Iterator[Question]:
+        axes = product(self.forms, self.wordings, self.phrases, self.articles)
+        for form, wording, phrase, article in axes:
+            yield Question(
+                text=_sentence(form, wording, phrase.text, article),
+                yes_means=phrase.yes_means,
+                form=form,
+                article=article,
+                phrase=phrase.text,
+                wording=" ".join(filter(None, (wording.noun, wording.tail))),
+            )
+
+
+def phrases_for(positive: str, negative: str | None = None) -> tuple[StatePhrase, StatePhrase]:
+    """A state and its antonym; without one, "not" and the state."""
+    return StatePhrase(positive, 1), StatePhrase(negative or f"not {positive}", -1)
+
+
+def clean_text(text: str, what: str) -> str:
+    """`text` with single spaces; it becomes part of a question, never of a path or a page.
+
+    Raises:
+        QuestionError: if it is empty, too long or holds control characters.
+    """
+    plain = " ".join(text.split())
+    if not plain:
+        raise QuestionError(f"{what} is empty; type at least one word")
+    if len(plain) > MAX_TEXT:
+        raise QuestionError(f"{what} has {len(plain)} characters; at most {MAX_TEXT} are allowed")
+    if any(unicodedata.category(character) in {"Cc", "Cs"} for character in plain):
+        raise QuestionError(f"{what} holds control characters: {plain!r}; type it again")
+    return plain
+
+
+def check_polarity(yes_means: int, text: str) -> None:
+    """Refuse anything but +1 and -1 as the state that "yes" speaks for."""
+    if yes_means not in (-1, 1):
+        raise QuestionError(
+            f"'yes' to {text!r} must mean the positive (+1) or the negative state (-1), "
+            f"got {yes_means!r}"
+        )
+
+
+def _sentence(form: Form, wording: Wording, state: str, article: Article) -> str:
+    """Source: paper II-A, with our rule for tails: there the article stands in the tail."""
+    if wording.tail is None:
+        subject, tail = f"{_before(wording.noun, article)} {wording.noun}", ""
+    else:
+        start, noun = wording.tail.split(_ARTICLE_SLOT)
+        subject, tail = wording.noun, f" {start}{_before(noun, article)}{noun}"
+    if form is Form.IS:
+        return f"Is {subject} {state}{tail}?"
+    return f"Does this image look like {subject} is {state}{tail}?"
+
+
+def _before(noun: str, article: Article) -> str:
+    return _a_or_an(noun.strip()) if article is Article.A else article.value
+
+
+@cache
+def _a_or_an(noun: str) -> str:
+    """ "a" or "an" by sound: an hour, a unicorn, an LED."""
+    import inflect  # takes a third of a second, so only when a grid is built
+
+    return str(inflect.engine().a(noun)).split(" ", 1)[0]
