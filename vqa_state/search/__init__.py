@@ -1,0 +1,1 @@
+"""Choosing questions: each search yields frozen reports, and the caller draws or stops."""
