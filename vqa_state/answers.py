@@ -63,8 +63,8 @@ _WORD = re.compile(r"[^\W_]+(?:['-][^\W_]+)*")
 _SET_OFF = re.compile(r"\s*(?:[.,;:!\n]|[–—]|-\s)")
 _HEDGE = re.compile(
     r"\b(?:not (?:really )?(?:sure|certain|clear|possible to)|unsure|uncertain|unclear|unknown"
-    r"|maybe|perhaps|possibly|probably|likely|might be|could be|hard to (?:tell|say)|yes (?:or|and) no"
-    r"|unable to|(?:cannot|can't|can not|couldn't|could not|don't|do not) "
+    r"|maybe|perhaps|possibly|probably|likely|might be|could be|hard to (?:tell|say)"
+    r"|yes (?:or|and) no|unable to|(?:cannot|can't|can not|couldn't|could not|don't|do not) "
     r"(?:really )?(?:be )?(?:tell|say|see|know|judge|answer|determined?|decide))\b"
 )
 

@@ -9,7 +9,7 @@ VQAStateError
 │   ├── UnknownModelError  no model has that name
 │   └── MissingPackageError  the model needs a package that is not installed
 ├── NothingToSearchError   the project has too little to choose questions from
-└── RecognizerError        a recognizer file is damaged, newer than this program or for another model
+└── RecognizerError        a recognizer file is damaged, newer than this program, for another model
 
 A message names what was given, what is allowed and what to do next; the app and the command
 line show it as it is.

@@ -1,0 +1,111 @@
+"""Train / test split: stratified, seeded, look-alikes on one side.
+
+A test image that is nearly a training image would let the test say what training knows already.
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
+
+__all__ = ["Split", "divide", "look_alikes"]
+
+LOOK_ALIKE_BITS = 4
+"""Perceptual hashes (64 bits) that differ in at most so many bits belong to look-alikes."""
+
+
+class Split(StrEnum):
+    """What an image is for. Test images never influence a choice."""
+
+    TRAIN = "train"
+    TEST = "test"
+    UNUSED = "unused"
+
+
+def look_alikes(hashes: Mapping[str, str]) -> list[tuple[str, ...]]:
+    """Groups of two or more ids whose pictures look alike, directly or through others.
+
+    Args:
+        hashes: perceptual hash of each id, as hex digits.
+    """
+    ids = list(hashes)
+    bits = [int(hashes[i], 16) for i in ids]
+    group_of = list(range(len(ids)))
+    for later in range(len(ids)):
+        for earlier in range(later):
+            if (bits[later] ^ bits[earlier]).bit_count() <= LOOK_ALIKE_BITS:
+                old, new = group_of[later], group_of[earlier]
+                group_of = [new if group == old else group for group in group_of]
+    groups: dict[int, list[str]] = {}
+    for image_id, group in zip(ids, group_of, strict=True):
+        groups.setdefault(group, []).append(image_id)
+    return [tuple(group) for group in groups.values() if len(group) > 1]
+
+
+def divide(
+    labels: Mapping[str, int],
+    groups: Iterable[Sequence[str]],
+    fixed: Mapping[str, Split],
+    *,
+    train_share: float,
+    seed: int,
+) -> dict[str, Split]:
+    """Give every labelled image without a side one of train and test.
+
+    Each state is divided by `train_share` on its own; a group goes to one side as a whole, to
+    that of its members which have one already. The order of the images does not matter.
+
+    Args:
+        labels: +1 or -1 of each id to divide or already divided.
+        groups: look-alikes; ids that are not in `labels` are passed over.
+        fixed: sides that stay as they are.
+        train_share: in (0, 1).
+        seed: another seed gives another division.
+
+    Raises:
+        ValueError: if `train_share` is not between 0 and 1.
+    """
+    if not 0.0 < train_share < 1.0:
+        raise ValueError(f"the share of training images must be between 0 and 1, got {train_share}")
+    sides: dict[str, Split] = {
+        i: side for i, side in fixed.items() if i in labels and side is not Split.UNUSED
+    }
+    unused = {i for i, side in fixed.items() if side is Split.UNUSED}
+    for unit in _units(labels, groups, seed):
+        members = [i for i in unit if i not in unused]
+        taken = {sides[i] for i in members if i in sides}
+        free = [i for i in members if i not in sides]
+        if free:
+            side = min(taken) if taken else _emptier_side(free, labels, sides, train_share)
+            sides.update(dict.fromkeys(free, side))
+    return sides
+
+
+def _units(
+    labels: Mapping[str, int], groups: Iterable[Sequence[str]], seed: int
+) -> list[tuple[str, ...]]:
+    """Groups and single images, the largest first, else in an order that only the seed decides."""
+    grouped = [tuple(sorted(i for i in group if i in labels)) for group in groups]
+    units = [group for group in grouped if group]
+    alone = set(labels).difference(*units)
+    units += [(image_id,) for image_id in alone]
+    return sorted(units, key=lambda unit: (-len(unit), _shuffled(unit[0], seed)))
+
+
+def _shuffled(image_id: str, seed: int) -> bytes:
+    return hashlib.sha256(f"{seed}:{image_id}".encode()).digest()
+
+
+def _emptier_side(
+    unit: Sequence[str],
+    labels: Mapping[str, int],
+    sides: Mapping[str, Split],
+    train_share: float,
+) -> Split:
+    """The side on which the unit's states are furthest below their share; train on a tie."""
+    shares = {Split.TRAIN: train_share, Split.TEST: 1 - train_share}
+    states = {labels[i] for i in unit}
+
+    def fill(side: Split) -> float:
+        return sum(s is side and labels[i] in states for i, s in sides.items()) / shares[side]
+
+    return min(shares, key=fill)
