@@ -1,0 +1,380 @@
+"""The recognizer: a small JSON file that says how to recognize a state in a new image.
+
+    verdict = Recognizer.load("refrigerator.json").recognize("photo.jpg")
+
+Loading needs neither gradio nor a search library. The same choice gives the same bytes: no
+times, dates or paths stand in the file.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+from PIL import Image, ImageOps
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+
+from vqa_state import models
+from vqa_state.answers import PARSER_VERSION, Answer
+from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind, copies
+from vqa_state.errors import ImageError, ModelError, RecognizerError
+from vqa_state.files import write_atomically
+from vqa_state.images import pixel_hash, read_picture
+from vqa_state.models.base import Failure, VQAModel
+from vqa_state.questions import MAX_QUESTIONS
+from vqa_state.scores import Objective, ObjectiveWeights
+from vqa_state.search.genetic import SearchSettings
+
+__all__ = [
+    "Copies",
+    "ModelReference",
+    "Origin",
+    "Recognizer",
+    "ScoreRecord",
+    "Scores",
+    "State",
+    "States",
+    "Verdict",
+    "Vote",
+    "WeightedQuestion",
+    "read_recognizer",
+]
+
+SCHEMA_VERSION: Final = 1
+MAX_FILE_BYTES: Final = 5_000_000
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class States(_Record):
+    """What the two states are called."""
+
+    positive: Annotated[str, Field(min_length=1, max_length=300)]
+    negative: Annotated[str, Field(min_length=1, max_length=300)]
+
+
+class ModelReference(_Record):
+    """The model that the questions were chosen for. Its revision stands in the fingerprint."""
+
+    name: Annotated[str, Field(min_length=1, max_length=300)]
+    fingerprint: Annotated[str, Field(min_length=1, max_length=2000)]
+
+
+class Copies(_Record):
+    """The copies of an image that the questions are asked about."""
+
+    kind: AugmentationKind
+    amount: Annotated[float, Field(gt=0, le=1)]
+    n_copies: Annotated[int, Field(ge=1, le=MAX_COPIES)]
+    seed: Annotated[int, Field(ge=0)]
+
+
+class WeightedQuestion(_Record):
+    """A question, the state that "yes" speaks for, and what its answers weigh in the vote."""
+
+    text: Annotated[str, Field(min_length=1, max_length=300)]
+    yes_means: Literal[-1, 1]
+    weight: Annotated[float, Field(gt=0)] = 1.0
+
+
+class Origin(_Record):
+    """How the questions were chosen; `finished` is False if a user stopped the search."""
+
+    engine: Literal["paper"] = "paper"
+    objective: Objective
+    weights: ObjectiveWeights
+    settings: SearchSettings
+    seed: int
+    generations: int
+    finished: bool
+
+
+class ScoreRecord(_Record):
+    """Result on one side of the project's images; intervals are 95 % and only on test images."""
+
+    n_recognized: int
+    n_images: int
+    R_ave: float
+    R_invalid: float
+    n_recognized_interval: tuple[float, float] | None = None
+    R_ave_interval: tuple[float, float] | None = None
+    R_invalid_interval: tuple[float, float] | None = None
+
+
+class Scores(_Record):
+    """Training images chose the questions; only the test images say how good they are."""
+
+    train: ScoreRecord
+    test: ScoreRecord | None
+
+
+class State(StrEnum):
+    """What a verdict says."""
+
+    POSITIVE = "positive"
+    NEGATIVE = "negative"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Vote:
+    """One answer of the vote. `speaks_for` is +1, -1 or 0 for an invalid answer."""
+
+    question: str
+    copy: int
+    answer: Answer
+    speaks_for: int
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a recognizer says about one image.
+
+    Attributes:
+        state: positive, negative or unknown.
+        state_name: the user's word for it, or "unknown".
+        reason: why, in one sentence.
+        confidence: the winner's share of the valid votes in [0.5, 1]; NaN without valid votes.
+        n_positive: answers for the positive state.
+        n_negative: answers for the negative state.
+        n_invalid: answers for neither.
+        n_calls: one question about one copy is one call.
+        milliseconds: from the picture to the verdict.
+        votes: all answers, by copy and question.
+    """
+
+    state: State
+    state_name: str
+    reason: str
+    confidence: float
+    n_positive: int
+    n_negative: int
+    n_invalid: int
+    n_calls: int
+    milliseconds: float
+    votes: tuple[Vote, ...]
+
+
+class Recognizer(_Record):
+    """Questions whose vote recognizes a state; see the module's first lines for its use."""
+
+    schema_version: Literal[1] = SCHEMA_VERSION
+    name: Annotated[str, Field(min_length=1, max_length=300)]
+    states: States
+    model: ModelReference
+    copies: Copies
+    questions: Annotated[tuple[WeightedQuestion, ...], Field(min_length=1, max_length=MAX_QUESTIONS)]
+    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Share of the valid votes above which the positive state wins."""
+    abstain: Literal["tie"] = "tie"
+    """When the verdict is unknown: exactly at the threshold, or without a valid vote."""
+    parser_version: Annotated[int, Field(ge=1, le=PARSER_VERSION)] = PARSER_VERSION
+    origin: Origin
+    scores: Scores
+    calls_per_image: int
+    digest: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
+    """SHA-256 of all the rest; it finds damage, it is no signature."""
+
+    _model: VQAModel | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Recognizer":
+        texts = [question.text for question in self.questions]
+        if len(set(texts)) < len(texts):
+            raise ValueError("a question stands there twice")
+        if self.calls_per_image != self.copies.n_copies * len(texts):
+            raise ValueError(
+                f"calls_per_image must be copies × questions = "
+                f"{self.copies.n_copies * len(texts)}, got {self.calls_per_image}"
+            )
+        return self
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Recognizer":
+        """Read a recognizer file. No model is loaded yet.
+
+        Raises:
+            RecognizerError: if it is missing, too large, damaged, newer than this program, or
+                holds a field that this program does not know.
+        """
+        try:
+            with Path(path).open("rb") as file:
+                data = file.read(MAX_FILE_BYTES + 1)
+        except OSError as error:
+            raise RecognizerError(f"cannot read {path}: {error.strerror}; check the path") from error
+        return read_recognizer(data, str(path))
+
+    def to_bytes(self) -> bytes:
+        """The file's content, with its digest."""
+        content = self.model_dump(mode="json", exclude={"digest"})
+        return (json.dumps(content | {"digest": _digest(content)}, indent=1) + "\n").encode()
+
+    def save(self, path: str | Path) -> None:
+        """Write the file, whole or not at all.
+
+        Raises:
+            ProjectError: if it cannot be written.
+        """
+        write_atomically(Path(path), self.to_bytes())
+
+    def recognize(
+        self, image: str | Path | bytes | Image.Image, model: VQAModel | None = None
+    ) -> Verdict:
+        """Ask this recognizer's questions about one image and count the votes.
+
+        Args:
+            image: a file's path or content, or an opened picture (a webcam frame).
+            model: to share a loaded model between recognizers; without it, the one that the file
+                names is loaded on first use and kept.
+
+        Raises:
+            ImageError: if the picture cannot be read.
+            RecognizerError: if the model is another one than the questions were chosen for.
+            ModelError: if the model cannot be loaded, or gave not all answers: a failed call is
+                an error, never a verdict.
+        """
+        model = self._checked(model)
+        began = time.perf_counter()
+        pixels = _pixels(image)
+        votes = self._ask(model, pixels)
+        milliseconds = 1000 * (time.perf_counter() - began)
+        return self.verdict(votes, milliseconds)
+
+    def verdict(self, votes: Sequence[Vote], milliseconds: float = 0.0) -> Verdict:
+        """Count votes. Source: paper II-A for weight 1 and threshold 0.5, decided with integers."""
+        weight = {question.text: question.weight for question in self.questions}
+        valid = [vote for vote in votes if vote.speaks_for]
+        total = sum(weight[vote.question] for vote in valid)
+        positive = sum(weight[vote.question] for vote in valid if vote.speaks_for > 0)
+        state, reason = self._decide(positive, total)
+        share = positive / total if total else float("nan")
+        n_positive = sum(vote.speaks_for > 0 for vote in valid)
+        return Verdict(
+            state=state,
+            state_name={
+                State.POSITIVE: self.states.positive,
+                State.NEGATIVE: self.states.negative,
+                State.UNKNOWN: "unknown",
+            }[state],
+            reason=reason,
+            confidence=max(share, 1 - share),
+            n_positive=n_positive,
+            n_negative=len(valid) - n_positive,
+            n_invalid=len(votes) - len(valid),
+            n_calls=len(votes),
+            milliseconds=milliseconds,
+            votes=tuple(votes),
+        )
+
+    def _decide(self, positive: float, total: float) -> tuple[State, str]:
+        if not total:
+            return State.UNKNOWN, "no answer was a clear yes or no"
+        share = f"{positive / total:.0%} of the valid votes speak for {self.states.positive}"
+        if positive > self.threshold * total:
+            return State.POSITIVE, share
+        if positive < self.threshold * total:
+            return State.NEGATIVE, share
+        return State.UNKNOWN, f"the vote is a tie: {share}"
+
+    def _checked(self, model: VQAModel | None) -> VQAModel:
+        if model is None:
+            model = self._model or models.create(self.model.name)
+        if model.fingerprint != self.model.fingerprint:
+            raise RecognizerError(
+                f"these questions were chosen for {self.model.fingerprint!r}, but the model here "
+                f"is {model.fingerprint!r}; which questions work depends on the model: optimize "
+                "again with this one"
+            )
+        self._model = model
+        return model
+
+    def _ask(self, model: VQAModel, pixels: Image.Image) -> list[Vote]:
+        kind = Augmentation(self.copies.kind, self.copies.amount, self.copies.n_copies)
+        shifted = list(copies(pixels, pixel_hash(pixels), kind, self.copies.seed))
+        texts = [question.text for question in self.questions]
+        votes: dict[tuple[int, int], Vote] = {}
+        failure = "it gave no reply to a question"
+        for reply in model.answer(shifted, texts):
+            if isinstance(reply.outcome, Failure):
+                failure = reply.outcome.reason
+                continue
+            question = self.questions[reply.question]
+            votes[reply.image, reply.question] = Vote(
+                question.text,
+                reply.image,
+                reply.outcome,
+                reply.outcome.verdict(question.yes_means),
+            )
+        n_failed = len(shifted) * len(texts) - len(votes)
+        if n_failed:
+            raise ModelError(
+                f"{n_failed} of {self.calls_per_image} calls to {model.name} failed ({failure}); "
+                "there is no verdict: try again"
+            )
+        return [votes[pair] for pair in sorted(votes)]
+
+
+def read_recognizer(data: bytes, shown: str) -> Recognizer:
+    """Check the content of a recognizer file; `shown` names it in errors.
+
+    Raises:
+        RecognizerError: see `Recognizer.load`.
+    """
+    if len(data) > MAX_FILE_BYTES:
+        raise RecognizerError(
+            f"{shown} has more than {MAX_FILE_BYTES / 1e6:.0f} MB; this is no recognizer file"
+        )
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise RecognizerError(
+            f"{shown} is no JSON file or is damaged; export the recognizer again"
+        ) from error
+    _check_version(content, shown)
+    try:
+        recognizer = Recognizer.model_validate_json(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise RecognizerError(
+            f"{shown} cannot be used at {'.'.join(map(str, first['loc'])) or 'its top'}: "
+            f"{first['msg']}; export the recognizer again"
+        ) from error
+    if recognizer.digest != _digest(recognizer.model_dump(mode="json", exclude={"digest"})):
+        raise RecognizerError(
+            f"{shown} was changed after it was written: its digest does not fit; export the "
+            "recognizer again"
+        )
+    return recognizer
+
+
+def _check_version(content: Any, shown: str) -> None:
+    version = content.get("schema_version") if isinstance(content, dict) else None
+    if not isinstance(version, int):
+        raise RecognizerError(f"{shown} is no recognizer file: it has no schema_version")
+    if version > SCHEMA_VERSION:
+        raise RecognizerError(
+            f"{shown} has schema version {version}; this program reads up to {SCHEMA_VERSION}: "
+            "update the program"
+        )
+
+
+def _digest(content: dict[str, Any]) -> str:
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _pixels(image: str | Path | bytes | Image.Image) -> Image.Image:
+    if isinstance(image, Image.Image):
+        return ImageOps.exif_transpose(image).convert("RGB")
+    if isinstance(image, bytes):
+        return read_picture(image).pixels
+    try:
+        return read_picture(Path(image).read_bytes()).pixels
+    except OSError as error:
+        raise ImageError(f"cannot read {image}: {error.strerror}; check the path") from error

@@ -1,0 +1,235 @@
+"""From a full answer table to recognizers: search, keep, evaluate, write.
+
+The app and the command line walk this one road, so the same project, seed and model give the same
+recognizer in both, byte for byte.
+"""
+
+import hashlib
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from vqa_state.answers import AnswerTable
+from vqa_state.asking import answer_table
+from vqa_state.errors import NothingToSearchError
+from vqa_state.evaluation import CANDIDATE_OF, Evaluation, Row, evaluate
+from vqa_state.files import write_atomically
+from vqa_state.project import Project
+from vqa_state.recognizer import (
+    Copies,
+    ModelReference,
+    Origin,
+    Recognizer,
+    ScoreRecord,
+    Scores,
+    States,
+    WeightedQuestion,
+)
+from vqa_state.scores import Objective, ObjectiveWeights, count
+from vqa_state.search.genetic import SearchReport, SearchSettings, search
+from vqa_state.splits import Split
+
+__all__ = ["OptimizeProgress", "Results", "SavedSearch", "optimize", "recognizer_path", "results"]
+
+
+@dataclass(frozen=True, slots=True)
+class OptimizeProgress:
+    """All four searches after the same generation."""
+
+    reports: Mapping[Objective, SearchReport]
+
+    @property
+    def generation(self) -> int:
+        """Generation that every search has reached."""
+        return next(iter(self.reports.values())).generation
+
+    @property
+    def total(self) -> int:
+        """Generations asked for."""
+        return next(iter(self.reports.values())).total
+
+
+class SavedSearch(BaseModel):
+    """Content of searches/OBJECTIVE.json."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    schema_version: Literal[1] = 1
+    objective: Objective
+    table: str
+    """Digest of the answers and labels that were searched; other ones make this result stale."""
+    weights: ObjectiveWeights
+    settings: SearchSettings
+    seed: int
+    subset: tuple[Annotated[int, Field(ge=0)], ...]
+    curve: tuple[tuple[float, float], ...]
+    """Best and mean fitness of each generation."""
+    finished: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """The searches of a project, and how good what they found is.
+
+    Attributes:
+        searches: the last search for each objective.
+        evaluation: all candidates on train and test.
+        train: complete training images' answers.
+        test: complete test images' answers; None if there are none.
+    """
+
+    searches: Mapping[Objective, SavedSearch]
+    evaluation: Evaluation
+    train: AnswerTable
+    test: AnswerTable | None
+
+
+def optimize(
+    project: Project, stop: Callable[[], bool] = lambda: False
+) -> Iterator[OptimizeProgress]:
+    """Search for all four objectives side by side; keep what they found and write recognizers.
+
+    Only training images are looked at. A stop keeps the best so far and records that it was one.
+
+    Yields:
+        One report a generation. The searches and recognizers are on disk after the last.
+
+    Raises:
+        NothingToSearchError: if no training image of one of the states has all its answers.
+        ProjectError: if there is no question, or the files cannot be written.
+    """
+    train, _ = _tables(project)
+    counts = count(train)
+    searches = {
+        objective: search(
+            counts,
+            objective,
+            weights=project.weights,
+            settings=project.search,
+            seed=project.search_seed,
+        )
+        for objective in Objective
+    }
+    curves: dict[Objective, list[tuple[float, float]]] = {objective: [] for objective in Objective}
+    progress = None
+    for reports in zip(*searches.values(), strict=True):
+        progress = OptimizeProgress(dict(zip(searches, reports, strict=True)))
+        for objective, report in progress.reports.items():
+            curves[objective].append((report.best_fitness, report.mean_fitness))
+        yield progress
+        if stop():
+            break
+    assert progress is not None  # noqa: S101  # a search reports at least generation 0
+    _keep(project, train, progress, curves)
+
+
+def results(project: Project) -> Results | None:
+    """The last searches, evaluated; None if there are none or answers or labels changed since.
+
+    Raises:
+        NothingToSearchError: if no training image has all its answers.
+        ProjectError: if there is no question.
+    """
+    saved = {objective: _read(project, objective) for objective in Objective}
+    searches = {objective: one for objective, one in saved.items() if one is not None}
+    if len(searches) < len(Objective):
+        return None
+    train, test = _tables(project)
+    if any(one.table != _digest(train) for one in searches.values()):
+        return None
+    chosen = {objective: one.subset for objective, one in searches.items()}
+    evaluation = evaluate(train, test, chosen, seed=project.search_seed)
+    return Results(searches, evaluation, train, test)
+
+
+def recognizer_path(project: Project, objective: Objective) -> Path:
+    """Where the recognizer of an objective is written."""
+    return project.folder / "recognizers" / f"{objective.name.lower()}.json"
+
+
+def _keep(
+    project: Project,
+    train: AnswerTable,
+    progress: OptimizeProgress,
+    curves: Mapping[Objective, list[tuple[float, float]]],
+) -> None:
+    for objective, report in progress.reports.items():
+        saved = SavedSearch(
+            objective=objective,
+            table=_digest(train),
+            weights=project.weights,
+            settings=project.search,
+            seed=project.search_seed,
+            subset=report.subset,
+            curve=tuple(curves[objective]),
+            finished=report.generation == report.total,
+        )
+        write_atomically(_search_path(project, objective), saved.model_dump_json().encode())
+    found = results(project)
+    assert found is not None  # noqa: S101  # it was written above, for these answers
+    for objective in Objective:
+        _recognizer(project, found, objective).save(recognizer_path(project, objective))
+
+
+def _recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:
+    saved = found.searches[objective]
+    row = found.evaluation.row(CANDIDATE_OF[objective])
+    questions = [found.train.questions[position] for position in saved.subset]
+    augmentation = project.augmentation
+    return Recognizer(
+        name=project.name,
+        states=States(positive=project.states.positive, negative=project.states.negative),
+        model=ModelReference(name=project.model, fingerprint=project.fingerprint or ""),
+        copies=Copies(
+            kind=augmentation.kind,
+            amount=augmentation.amount,
+            n_copies=augmentation.n_copies,
+            seed=project.seed,
+        ),
+        questions=tuple(WeightedQuestion(text=q.text, yes_means=q.yes_means) for q in questions),
+        origin=Origin(
+            objective=objective,
+            weights=saved.weights,
+            settings=saved.settings,
+            seed=saved.seed,
+            generations=len(saved.curve) - 1,
+            finished=saved.finished,
+        ),
+        scores=_scores(row),
+        calls_per_image=augmentation.n_copies * len(questions),
+    )
+
+
+def _tables(project: Project) -> tuple[AnswerTable, AnswerTable | None]:
+    """Images with all their answers; None for the test if it has none of these."""
+    train, test = (answer_table(project, split) for split in (Split.TRAIN, Split.TEST))
+    train, test = train.take(train.complete), test.take(test.complete)
+    if not train.n_images:
+        raise NothingToSearchError(
+            "no training image has all its answers yet; ask the model (again), then optimize"
+        )
+    return train, test if test.n_images else None
+
+
+def _digest(table: AnswerTable) -> str:
+    """Of all that a search sees, and of nothing of the test images."""
+    digest = hashlib.sha256(repr((table.image_ids, table.questions)).encode())
+    digest.update(table.verdicts.tobytes())
+    digest.update(table.labels.tobytes())
+    return digest.hexdigest()
+
+
+def _search_path(project: Project, objective: Objective) -> Path:
+    return project.folder / "searches" / f"{objective.name.lower()}.json"
+
+
+def _read(project: Project, objective: Objective) -> SavedSearch | None:
+    """A search that cannot be read counts as none: it takes seconds to repeat."""
+    try:
+        return SavedSearch.model_validate_json(_search_path(project, objective).read_bytes())
+    except (OSError, ValidationError):
+        return None
