@@ -1,0 +1,1 @@
+"""The small VQA model that ships with the package, and the code that made it."""

@@ -1,0 +1,111 @@
+"""Rendered pictures on disk: written scene by scene, so that a stopped run goes on."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from vqa_state.embedded.scenes import THINGS, SceneRenderer, Split
+from vqa_state.embedded.scenes.stage import Facts
+
+__all__ = ["Example", "SceneJob", "load_examples", "pending_jobs", "render_jobs"]
+
+#: JPEG quality of stored pictures; high, since training adds its own artefacts.
+_QUALITY = 90
+
+
+@dataclass(frozen=True, slots=True)
+class Example:
+    """One labelled picture. `facts` is empty where nothing but the label is known."""
+
+    path: Path
+    thing: str
+    is_positive: bool
+    facts: Facts
+    scene: str
+
+
+@dataclass(frozen=True, slots=True)
+class SceneJob:
+    """Some scenes of one thing, rendered in one drawing context."""
+
+    folder: Path
+    split: Split
+    thing: str
+    seeds: tuple[int, ...]
+    n_views: int
+    size: int = 256
+
+
+def pending_jobs(
+    folder: Path,
+    split: Split,
+    n_scenes: int,
+    n_views: int,
+    things: Sequence[str] = THINGS,
+    *,
+    scenes_per_job: int = 10,
+) -> list[SceneJob]:
+    """What is still to be rendered for seeds 0 to `n_scenes` - 1 of every thing."""
+    jobs = []
+    for start in range(0, n_scenes, scenes_per_job):
+        for thing in things:
+            wanted = range(start, min(start + scenes_per_job, n_scenes))
+            seeds = tuple(seed for seed in wanted if not _record(folder, thing, seed).exists())
+            if seeds:
+                jobs.append(SceneJob(folder, split, thing, seeds, n_views))
+    return jobs
+
+
+def render_jobs(jobs: Sequence[SceneJob], n_processes: int = 1) -> Iterator[SceneJob]:
+    """Render all jobs and yield each when its pictures are on disk.
+
+    Processes are spawned, not forked: a drawing context does not survive a fork.
+    """
+    if n_processes == 1:
+        for job in jobs:
+            yield _render_job(job)
+        return
+    with get_context("spawn").Pool(n_processes) as pool:
+        yield from pool.imap_unordered(_render_job, jobs)
+
+
+def load_examples(folder: Path, n_scenes: int | None = None) -> list[Example]:
+    """All finished pictures below `folder`, of scenes with seeds below `n_scenes`, in order."""
+    examples = []
+    for record in sorted(folder.glob("*/*.json")):
+        if n_scenes is not None and int(record.stem) >= n_scenes:
+            continue
+        thing = record.parent.name
+        for picture in json.loads(record.read_text("utf-8")):
+            path = record.parent / picture["file"]
+            scene = f"{thing}/{record.stem}"
+            examples.append(
+                Example(path, thing, picture["positive"], picture["facts"], scene)
+            )
+    return examples
+
+
+def _record(folder: Path, thing: str, seed: int) -> Path:
+    """The file that says a scene is finished, and what its pictures show."""
+    return folder / thing / f"{seed:05d}.json"
+
+
+def _render_job(job: SceneJob) -> SceneJob:
+    with SceneRenderer(job.size) as renderer:
+        for seed in job.seeds:
+            record = _record(job.folder, job.thing, seed)
+            record.parent.mkdir(parents=True, exist_ok=True)
+            rows = []
+            for number, picture in enumerate(
+                renderer.render(job.thing, job.split, seed, job.n_views)
+            ):
+                file = f"{seed:05d}_{number}.jpg"
+                picture.image.save(record.parent / file, quality=_QUALITY)
+                rows.append(
+                    {"file": file, "positive": picture.is_positive, "facts": dict(picture.facts)}
+                )
+            # Written last: a scene without its record is rendered again.
+            record.write_text(json.dumps(rows), "utf-8")
+    return job

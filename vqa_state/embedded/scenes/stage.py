@@ -1,0 +1,76 @@
+"""What a scene is before it is drawn, and the handles by which its state is changed."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Blueprint", "CameraRange", "Facts", "Pose", "Stage"]
+
+#: What the builder of a scene knows about one picture, e.g. {"wide_open": True}. Facts differ in
+#: what must be looked at, so they can be asked as questions of their own.
+Facts = Mapping[str, bool]
+
+#: Puts a stage into the positive (True) or the negative state and says what is now to be seen.
+Pose = Callable[["Stage", bool], Facts]
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraRange:
+    """Where the camera may stand. Angles in degrees, azimuth 90 looks along +y; metres."""
+
+    target: tuple[float, float, float]
+    azimuth: Range
+    elevation: Range
+    distance: Range
+
+
+@dataclass(frozen=True, slots=True)
+class Blueprint:
+    """A built scene that can be put into both states, again and again."""
+
+    pose: Pose
+    camera: CameraRange
+
+
+class Stage:
+    """A compiled MuJoCo model whose joints, materials and lamps can be set by name."""
+
+    def __init__(self, model: Any, data: Any, rng: np.random.Generator) -> None:
+        self.model = model
+        self.data = data
+        self.rng = rng
+
+    def uniform(self, low: float, high: float) -> float:
+        """One number in [low, high)."""
+        return float(self.rng.uniform(low, high))
+
+    def chance(self, probability: float) -> bool:
+        """True with the given probability."""
+        return bool(self.rng.random() < probability)
+
+    def move(self, joint: str, value: float) -> None:
+        """Set a hinge (radians) or a slide (metres)."""
+        self.data.qpos[self.model.jnt_qposadr[self.model.joint(joint).id]] = value
+
+    def paint(self, material: str, colour: tuple[float, float, float], emission: float) -> None:
+        """Give a material an RGB colour and a glow, both in [0, 1]."""
+        index = self.model.material(material).id
+        self.model.mat_rgba[index, :3] = colour
+        self.model.mat_emission[index] = emission
+
+    def light(self, name: str, colour: tuple[float, float, float]) -> None:
+        """Set the diffuse RGB of one lamp; black is off."""
+        self.model.light_diffuse[self.model.light(name).id] = colour
+
+    def dim(self, factor: float) -> None:
+        """Scale every lamp of the scene."""
+        self.model.light_diffuse[:] *= factor
+
+    def ambient(self, level: float, headlight: float) -> None:
+        """Set the light that comes from everywhere and the one that comes from the camera."""
+        self.model.vis.headlight.ambient[:] = level
+        self.model.vis.headlight.diffuse[:] = headlight
