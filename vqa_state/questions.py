@@ -71,6 +71,19 @@ class Wording:
             )
         object.__setattr__(self, "tail", tail)
 
+    @classmethod
+    def parse(cls, line: str) -> "Wording":
+        """Read "noun" or "noun | tail", as a user types it and `str` writes it.
+
+        Raises:
+            QuestionError: if a part is empty or the tail has no place for an article.
+        """
+        noun, bar, tail = line.partition("|")
+        return cls(noun, tail if bar else None)
+
+    def __str__(self) -> str:
+        return self.noun if self.tail is None else f"{self.noun} | {self.tail}"
+
 
 @dataclass(frozen=True, slots=True)
 class StatePhrase:
