@@ -281,9 +281,18 @@ def test_ties_go_to_fewer_questions_then_to_the_smallest_vector():
     flat = ObjectiveWeights(beta=0)
     reports = search(counts, Objective.S_PLUS, weights=flat, settings=QUICK, seed=0)
     assert last(reports).subset == (3,)  # 0001 is smaller than 0010
-    population = np.array([[1, 0, 0, 1], [0, 1, 1, 0], [1, 1, 1, 0], [0, 1, 1, 0]], np.uint8)
-    assert genetic.fittest(population, np.zeros(4)) == 1
-    assert genetic.fittest(population, np.array([0.0, 0.0, 1.0, 0.0])) == 2
+
+
+@given(st.lists(st.integers(1, 2**20 - 1), min_size=1, max_size=30), st.data())
+@settings(deadline=None)
+def test_the_fittest_by_the_documented_order(vectors, data):
+    """Vectors of 20 questions, read as binary numbers: the smaller number comes first."""
+    population = np.array([[int(bit) for bit in f"{v:020b}"] for v in vectors], dtype=np.uint8)
+    values = data.draw(
+        st.lists(st.sampled_from([0.0, 1.0]), min_size=len(vectors), max_size=len(vectors))
+    )
+    rank = [(-x, v.bit_count(), v) for x, v in zip(values, vectors, strict=True)]
+    assert genetic.fittest(population, np.array(values)) == rank.index(min(rank))
 
 
 @given(st.integers(0, 2**32), st.sampled_from(Objective))

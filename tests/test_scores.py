@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -83,6 +83,7 @@ def every_subset(n_questions):
 
 
 @given(tables(), st.sampled_from(Objective))
+@settings(deadline=None)
 def test_fitness_of_every_subset_is_the_papers(table, objective):
     population = every_subset(table.n_questions)
     values = Fitness(count(table), objective)(population)
@@ -92,6 +93,7 @@ def test_fitness_of_every_subset_is_the_papers(table, objective):
 
 
 @given(tables(), st.sampled_from(Objective), st.data())
+@settings(deadline=None)
 def test_terms_are_exact_and_add_up_to_the_same_bits(table, objective, data):
     subset = tuple(sorted(data.draw(st.sets(st.integers(0, table.n_questions - 1), min_size=1))))
     fitness = Fitness(count(table), objective)
@@ -106,6 +108,7 @@ def test_terms_are_exact_and_add_up_to_the_same_bits(table, objective, data):
 
 
 @given(tables(), st.data())
+@settings(deadline=None)
 def test_report_score_is_unprimed_and_undefined_rates_are_nan(table, data):
     subset = tuple(sorted(data.draw(st.sets(st.integers(0, table.n_questions - 1), min_size=1))))
     result = score(count(table), subset)
