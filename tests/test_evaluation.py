@@ -117,7 +117,7 @@ def test_test_answers_change_no_choice_and_no_training_score(seed):
 @pytest.mark.parametrize(
     ("correct", "invalid", "best"),
     [
-        ([[4, 6], [4, 0]], [[0, 0], [0, 0]], 0),  # more images, though fewer right answers
+        ([[4, 6], [4, 3]], [[0, 0], [0, 0]], 0),  # more images, though a lower rate
         ([[4, 6], [4, 4]], [[0, 0], [0, 0]], 1),  # as many images, higher rate
         ([[3, 6], [3, 6]], [[3, 0], [3, 0]], 1),  # as high a rate, fewer invalid
         ([[6, 6], [6, 6]], [[0, 0], [0, 0]], 0),  # all equal: the first
