@@ -423,6 +423,11 @@ def test_settings_are_validated(wrong):
         SearchSettings(**wrong)
 
 
+def test_sizes_are_whole_numbers():
+    with pytest.raises(ValueError, match=r"population must be a whole number, got 100\.0"):
+        SearchSettings(population=100.0)
+
+
 def test_a_population_too_large_for_memory_is_refused():
     with pytest.raises(ValueError, match="lower the population"):
         search(table(2, 2000), Objective.S_PLUS, settings=SearchSettings(100_000), seed=0)

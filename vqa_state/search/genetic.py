@@ -31,12 +31,17 @@ __all__ = [
 MAX_POPULATION = 100_000
 MAX_GENERATIONS = 100_000
 MAX_TOURNAMENT = 100
-MAX_GENES = 100_000_000  # zeros and ones in one population: about half a gigabyte while scored
+MAX_GENES = 100_000_000  # zeros and ones in one population: about a gigabyte while it breeds
 
 
 def _require(name: str, value: float, low: int, high: int) -> None:
     if not low <= value <= high:  # also refuses NaN
         raise ValueError(f"{name} must be {low} to {high}, got {value}")
+
+
+def _require_whole(name: str, value: object) -> None:
+    if not isinstance(value, int):
+        raise ValueError(f"{name} must be a whole number, got {value!r}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +68,8 @@ class SearchSettings:
     tournament: int = 5
 
     def __post_init__(self) -> None:
+        for name in ("population", "generations", "tournament"):
+            _require_whole(name, getattr(self, name))
         _require("population", self.population, 2, MAX_POPULATION)
         _require("generations", self.generations, 0, MAX_GENERATIONS)
         _require("tournament", self.tournament, 1, MAX_TOURNAMENT)
