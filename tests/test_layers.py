@@ -25,6 +25,7 @@ ORDER = [
     "models",
     "asking",
     "evaluation",
+    "verdict",
     "recognizer",
     "tuning",
     "report",

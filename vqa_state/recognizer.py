@@ -10,8 +10,6 @@ import hashlib
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -19,7 +17,7 @@ from PIL import Image, ImageOps
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
 from vqa_state import models
-from vqa_state.answers import PARSER_VERSION, Answer
+from vqa_state.answers import PARSER_VERSION
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind, copies
 from vqa_state.errors import ImageError, ModelError, RecognizerError
 from vqa_state.files import write_atomically
@@ -28,6 +26,7 @@ from vqa_state.models.base import Failure, VQAModel
 from vqa_state.questions import MAX_QUESTIONS
 from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.genetic import SearchSettings
+from vqa_state.verdict import State, Verdict, Vote
 
 __all__ = [
     "Copies",
@@ -36,10 +35,7 @@ __all__ = [
     "Recognizer",
     "ScoreRecord",
     "Scores",
-    "State",
     "States",
-    "Verdict",
-    "Vote",
     "WeightedQuestion",
     "read_recognizer",
 ]
@@ -96,13 +92,13 @@ class Origin(_Record):
 
 
 class ScoreRecord(_Record):
-    """Result on one side of the project's images; intervals are 95 % and only on test images."""
+    """Result on one side of the images; 95 % intervals (R_img: share recognized) on test only."""
 
     n_recognized: int
     n_images: int
     R_ave: float
     R_invalid: float
-    n_recognized_interval: tuple[float, float] | None = None
+    R_img_interval: tuple[float, float] | None = None
     R_ave_interval: tuple[float, float] | None = None
     R_invalid_interval: tuple[float, float] | None = None
 
@@ -114,53 +110,6 @@ class Scores(_Record):
     test: ScoreRecord | None
 
 
-class State(StrEnum):
-    """What a verdict says."""
-
-    POSITIVE = "positive"
-    NEGATIVE = "negative"
-    UNKNOWN = "unknown"
-
-
-@dataclass(frozen=True, slots=True)
-class Vote:
-    """One answer of the vote. `speaks_for` is +1, -1 or 0 for an invalid answer."""
-
-    question: str
-    copy: int
-    answer: Answer
-    speaks_for: int
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """What a recognizer says about one image.
-
-    Attributes:
-        state: positive, negative or unknown.
-        state_name: the user's word for it, or "unknown".
-        reason: why, in one sentence.
-        confidence: the winner's share of the valid votes in [0.5, 1]; NaN without valid votes.
-        n_positive: answers for the positive state.
-        n_negative: answers for the negative state.
-        n_invalid: answers for neither.
-        n_calls: one question about one copy is one call.
-        milliseconds: from the picture to the verdict.
-        votes: all answers, by copy and question.
-    """
-
-    state: State
-    state_name: str
-    reason: str
-    confidence: float
-    n_positive: int
-    n_negative: int
-    n_invalid: int
-    n_calls: int
-    milliseconds: float
-    votes: tuple[Vote, ...]
-
-
 class Recognizer(_Record):
     """Questions whose vote recognizes a state; see the module's first lines for its use."""
 
@@ -169,7 +118,9 @@ class Recognizer(_Record):
     states: States
     model: ModelReference
     copies: Copies
-    questions: Annotated[tuple[WeightedQuestion, ...], Field(min_length=1, max_length=MAX_QUESTIONS)]
+    questions: Annotated[
+        tuple[WeightedQuestion, ...], Field(min_length=1, max_length=MAX_QUESTIONS)
+    ]
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Share of the valid votes above which the positive state wins."""
     abstain: Literal["tie"] = "tie"
@@ -207,7 +158,9 @@ class Recognizer(_Record):
             with Path(path).open("rb") as file:
                 data = file.read(MAX_FILE_BYTES + 1)
         except OSError as error:
-            raise RecognizerError(f"cannot read {path}: {error.strerror}; check the path") from error
+            raise RecognizerError(
+                f"cannot read {path}: {error.strerror}; check the path"
+            ) from error
         return read_recognizer(data, str(path))
 
     def to_bytes(self) -> bytes:

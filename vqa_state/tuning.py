@@ -5,7 +5,6 @@ recognizer in both, byte for byte.
 """
 
 import hashlib
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from vqa_state.answers import AnswerTable
 from vqa_state.asking import answer_table
 from vqa_state.errors import NothingToSearchError
-from vqa_state.evaluation import CANDIDATE_OF, Evaluation, Row, evaluate
+from vqa_state.evaluation import Candidate, Evaluation, Interval, Row, evaluate
 from vqa_state.files import write_atomically
 from vqa_state.project import Project
 from vqa_state.recognizer import (
@@ -78,8 +77,8 @@ class Results:
     Attributes:
         searches: the last search for each objective.
         evaluation: all candidates on train and test.
-        train: complete training images' answers.
-        test: complete test images' answers; None if there are none.
+        train: answers about the complete training images.
+        test: answers about the complete test images; None if there are none.
     """
 
     searches: Mapping[Objective, SavedSearch]
@@ -103,7 +102,7 @@ def optimize(
         ProjectError: if there is no question, or the files cannot be written.
     """
     train, _ = _tables(project)
-    counts = count(train)
+    counts = count(_complete(train))
     searches = {
         objective: search(
             counts,
@@ -124,6 +123,10 @@ def optimize(
         if stop():
             break
     assert progress is not None  # noqa: S101  # a search reports at least generation 0
+    if not all(report.subset for report in progress.reports.values()):
+        raise NothingToSearchError(
+            "a search was too small to find even one question; raise its population or generations"
+        )
     _keep(project, train, progress, curves)
 
 
@@ -143,7 +146,7 @@ def results(project: Project) -> Results | None:
         return None
     chosen = {objective: one.subset for objective, one in searches.items()}
     evaluation = evaluate(train, test, chosen, seed=project.search_seed)
-    return Results(searches, evaluation, train, test)
+    return Results(searches, evaluation, _complete(train), test and _complete(test))
 
 
 def recognizer_path(project: Project, objective: Objective) -> Path:
@@ -177,7 +180,7 @@ def _keep(
 
 def _recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:
     saved = found.searches[objective]
-    row = found.evaluation.row(CANDIDATE_OF[objective])
+    row = next(r for r in found.evaluation.rows if r.name == Candidate(objective.value))
     questions = [found.train.questions[position] for position in saved.subset]
     augmentation = project.augmentation
     return Recognizer(
@@ -190,7 +193,9 @@ def _recognizer(project: Project, found: Results, objective: Objective) -> Recog
             n_copies=augmentation.n_copies,
             seed=project.seed,
         ),
-        questions=tuple(WeightedQuestion(text=q.text, yes_means=q.yes_means) for q in questions),
+        questions=tuple(
+            WeightedQuestion(text=q.text, yes_means=1 if q.yes_means > 0 else -1) for q in questions
+        ),
         origin=Origin(
             objective=objective,
             weights=saved.weights,
@@ -204,15 +209,44 @@ def _recognizer(project: Project, found: Results, objective: Objective) -> Recog
     )
 
 
+def _scores(row: Row) -> Scores:
+    train = ScoreRecord(
+        n_recognized=row.train.n_recognized,
+        n_images=row.train.n_images,
+        R_ave=round(row.train.R_ave, 6),
+        R_invalid=round(row.train.R_invalid, 6),
+    )
+    if row.test is None or row.intervals is None:
+        return Scores(train=train, test=None)
+    test = ScoreRecord(
+        n_recognized=row.test.n_recognized,
+        n_images=row.test.n_images,
+        R_ave=round(row.test.R_ave, 6),
+        R_invalid=round(row.test.R_invalid, 6),
+        R_img_interval=_rounded(row.intervals.R_img),
+        R_ave_interval=_rounded(row.intervals.R_ave),
+        R_invalid_interval=_rounded(row.intervals.R_invalid),
+    )
+    return Scores(train=train, test=test)
+
+
+def _rounded(interval: Interval) -> tuple[float, float]:
+    """Six digits: the last bits of a float may differ between two machines' arithmetic."""
+    return round(interval.low, 6), round(interval.high, 6)
+
+
 def _tables(project: Project) -> tuple[AnswerTable, AnswerTable | None]:
-    """Images with all their answers; None for the test if it has none of these."""
+    """Stored answers about both sides; None for the test if no image of it has all its answers."""
     train, test = (answer_table(project, split) for split in (Split.TRAIN, Split.TEST))
-    train, test = train.take(train.complete), test.take(test.complete)
-    if not train.n_images:
+    if not train.complete.any():
         raise NothingToSearchError(
             "no training image has all its answers yet; ask the model (again), then optimize"
         )
-    return train, test if test.n_images else None
+    return train, test if test.complete.any() else None
+
+
+def _complete(table: AnswerTable) -> AnswerTable:
+    return table.take(table.complete)
 
 
 def _digest(table: AnswerTable) -> str:

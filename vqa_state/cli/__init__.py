@@ -1,0 +1,23 @@
+"""`python -m vqa_state`: the same road as the app, without a browser.
+
+Exit codes: 0 it went well; 1 something must be changed first (the message says what); 2 the
+command was typed wrong; 3 it ended early, an answer is missing or a verdict is unknown.
+"""
+
+import sys
+
+from vqa_state.cli import making, running, using
+from vqa_state.cli.options import app
+from vqa_state.cli.terminal import say
+from vqa_state.errors import VQAStateError
+
+__all__ = ["app", "main", "making", "running", "using"]
+
+
+def main() -> None:
+    """Run one command; an error of ours is shown as a sentence."""
+    try:
+        app()
+    except VQAStateError as error:
+        say(f"error: {error}")
+        sys.exit(1)

@@ -1,0 +1,200 @@
+"""new, add, label, grid: what a project is made of."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vqa_state.cli.options import Folder, Json, app, tell
+from vqa_state.cli.terminal import say
+from vqa_state.errors import ProjectError
+from vqa_state.importing import ImportReport, add_folder
+from vqa_state.project import LabelledImage, Project, StateNames
+from vqa_state.questions import (
+    Article,
+    Form,
+    Question,
+    QuestionGrid,
+    StatePhrase,
+    Wording,
+    phrases_for,
+)
+from vqa_state.splits import Split
+
+
+@app.command()
+def new(
+    folder: Folder,
+    name: Annotated[str, typer.Option(help="What the thing is called, for example refrigerator.")],
+    positive: Annotated[str, typer.Option(help="Name of the one state.")] = "open",
+    negative: Annotated[str, typer.Option(help="Name of the other state.")] = "closed",
+    as_json: Json = False,
+) -> None:
+    """Make a project. Its questions begin with NAME as the wording and the states as phrases."""
+    project = Project.create(folder, name, StateNames(positive, negative))
+    project.grid = QuestionGrid((Wording(name),), phrases_for(positive, negative))
+    project.save()
+    tell(as_json, _summary(project), f"made {folder}: {_sentence(project)}")
+
+
+@app.command()
+def add(
+    folder: Folder,
+    paths: Annotated[list[Path], typer.Argument(help="Pictures, folders or ZIP files.")],
+    state: Annotated[str | None, typer.Option(help="State of all these pictures.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Add pictures. Folders named as the states label them; train/ and test/ give the side.
+
+    A file that cannot be read is named with its reason and skipped.
+    """
+    project = Project.open(folder)
+    label = None if state is None else _label(project, state)
+    done = [add_folder(project, path, label) for path in paths]
+    whole = ImportReport(
+        tuple(i for one in done for i in one.added),
+        tuple(i for one in done for i in one.already_there),
+        tuple(r for one in done for r in one.refused),
+    )
+    project.assign_splits()
+    project.save()
+    refused = [{"name": one.name, "reason": one.reason} for one in whole.refused]
+    record = {"added": whole.added, "already_there": whole.already_there, "refused": refused}
+    tell(as_json, record, f"{whole.sentence()}. {_sentence(project)}")
+    for one in whole.refused:
+        say(f"refused: {one.name}: {one.reason}")
+
+
+@app.command()
+def label(
+    folder: Folder,
+    images: Annotated[
+        list[str] | None, typer.Argument(help="Names or first letters of ids; none: just list.")
+    ] = None,
+    state: Annotated[str | None, typer.Option(help="One of the states, or 'none'.")] = None,
+    split: Annotated[Split | None, typer.Option(help="Put them on this side.")] = None,
+    divide: Annotated[
+        float | None, typer.Option(min=0.05, max=0.95, help="Divide afresh; share for training.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Label images, put them on a side, or list them. Look-alikes always go to one side."""
+    project = Project.open(folder)
+    chosen = _matching(project, images or [])
+    if chosen and state is not None:
+        project.set_labels(chosen, None if state == "none" else _label(project, state))
+    if chosen and split is not None:
+        project.set_splits(chosen, split)
+    project.assign_splits(train_share=divide or 0.5, afresh=divide is not None)
+    project.save()
+    shown = [_record(project, image) for image in project.images.values()]
+    lines = [
+        f"{i['id']:.12}  {i['state'] or '–':10} {i['split'] or '–':6} {i['name']}" for i in shown
+    ]
+    lines += [
+        "look alike, kept on one side: " + ", ".join(i[:12] for i in group)
+        for group in project.look_alikes()
+    ]
+    tell(as_json, shown, "\n".join(lines))
+
+
+@app.command()
+def grid(
+    folder: Folder,
+    wording: Annotated[
+        list[str] | None,
+        typer.Option(help="A name for the thing; 'water | in {article} sink' has a tail."),
+    ] = None,
+    phrase: Annotated[
+        list[str] | None, typer.Option(help="A phrase of the positive state (replaces all).")
+    ] = None,
+    antonym: Annotated[
+        list[str] | None, typer.Option(help="A phrase of the negative state; default: not PHRASE.")
+    ] = None,
+    form: Annotated[list[Form] | None, typer.Option(help="is, does or both.")] = None,
+    article: Annotated[list[Article] | None, typer.Option(help="a, the, this, that.")] = None,
+    yes_positive: Annotated[
+        list[str] | None, typer.Option(help="A question of your own; yes = positive state.")
+    ] = None,
+    yes_negative: Annotated[
+        list[str] | None, typer.Option(help="A question of your own; yes = negative state.")
+    ] = None,
+    off: Annotated[list[str] | None, typer.Option(help="Switch this question off.")] = None,
+    on: Annotated[list[str] | None, typer.Option(help="Switch this question on again.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Show the questions, or change their axes: form × wording × phrase × article."""
+    project = Project.open(folder)
+    old = project.grid
+    phrases = old.phrases
+    if phrase:
+        antonyms = antonym or [f"not {one}" for one in phrase]
+        phrases = (*(StatePhrase(p, 1) for p in phrase), *(StatePhrase(a, -1) for a in antonyms))
+    own = [(text, 1) for text in yes_positive or []] + [(text, -1) for text in yes_negative or []]
+    project.grid = QuestionGrid(
+        wordings=tuple(map(Wording.parse, wording)) if wording else old.wordings,
+        phrases=phrases,
+        forms=tuple(form) if form else old.forms,
+        articles=tuple(article) if article else old.articles,
+        custom=(*old.custom, *(Question(text, meaning) for text, meaning in own)),
+        switched_off=tuple((set(old.switched_off) | set(off or [])) - set(on or [])),
+    )
+    project.save()
+    built = project.grid.build()
+    record = {
+        "questions": [{"text": q.text, "yes_means": q.yes_means} for q in built.questions],
+        "switched_off": [q.text for q in built.switched_off],
+        "duplicates": [q.text for q in built.duplicates],
+    }
+    lines = [f"{'+' if q.yes_means > 0 else '-'} {q.text}" for q in built.questions]
+    lines += [f"off  {q.text}" for q in built.switched_off]
+    lines += [f"dropped, stands there already: {q.text}" for q in built.duplicates]
+    lines.append(f"{len(built.questions)} questions")
+    tell(as_json, record, "\n".join(lines))
+
+
+def _label(project: Project, state: str) -> int:
+    found = project.states.label(state)
+    if found is None:
+        raise ProjectError(
+            f"{state!r} is no state of this project; its states are "
+            f"{project.states.positive!r} and {project.states.negative!r}"
+        )
+    return found
+
+
+def _matching(project: Project, wanted: list[str]) -> list[str]:
+    chosen = []
+    for word in wanted:
+        fitting = [i.id for i in project.images.values() if i.name == word or i.id.startswith(word)]
+        if not fitting:
+            raise ProjectError(f"no image is named {word!r} or has an id that begins so")
+        chosen += fitting
+    return chosen
+
+
+def _record(project: Project, image: LabelledImage) -> dict[str, str | None]:
+    return {
+        "id": image.id,
+        "name": image.name,
+        "state": project.states.of(image.label) if image.label else None,
+        "split": image.split.value if image.split else None,
+    }
+
+
+def _summary(project: Project) -> dict[str, object]:
+    return {
+        "folder": str(project.folder),
+        "n_images": len(project.images),
+        "n_train": len(project.labelled(Split.TRAIN)),
+        "n_test": len(project.labelled(Split.TEST)),
+        "n_questions": len(project.grid.build().questions),
+    }
+
+
+def _sentence(project: Project) -> str:
+    now = _summary(project)
+    return (
+        f"{now['n_images']} images ({now['n_train']} train, {now['n_test']} test), "
+        f"{now['n_questions']} questions"
+    )

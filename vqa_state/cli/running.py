@@ -1,0 +1,164 @@
+"""ask, optimize, tune: the long work."""
+
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+
+from vqa_state import models
+from vqa_state.asking import AskProgress, ask, plan
+from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
+from vqa_state.cli.options import Folder, Json, Seed, app, found_results, show, tell
+from vqa_state.cli.terminal import (
+    asked_sentence,
+    interruptible,
+    plan_record,
+    say,
+    show_asking,
+    show_search,
+)
+from vqa_state.project import Project
+from vqa_state.scores import ObjectiveWeights
+from vqa_state.search.genetic import SearchSettings
+from vqa_state.tuning import optimize
+
+
+@app.command("ask")
+def ask_command(
+    folder: Folder,
+    model: Annotated[str | None, typer.Option(help="Name of the model; kept.")] = None,
+    copies: Annotated[
+        int | None, typer.Option(min=1, max=MAX_COPIES, help="Shifted copies of each image; kept.")
+    ] = None,
+    augmentation: Annotated[
+        AugmentationKind | None, typer.Option(help="Kind of copy; kept.")
+    ] = None,
+    amount: Annotated[
+        float | None, typer.Option(min=0.001, max=1.0, help="Share of full scale; kept.")
+    ] = None,
+    cost: Annotated[bool, typer.Option("--cost", help="Only say what it would cost.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Ask the model every question about every copy of every labelled image.
+
+    An answer is stored before it is counted; stop or kill it, run it again, and it goes on.
+    """
+    project = Project.open(folder)
+    old = project.augmentation
+    project.augmentation = Augmentation(
+        augmentation or old.kind, amount or old.amount, copies or old.n_copies
+    )
+    project.model = model or project.model
+    if cost:
+        what = plan(project, models.create(project.model).fingerprint)
+        words = (
+            f"{what.n_images} images × {what.n_copies} copies × {what.n_questions} questions = "
+            f"{what.n_calls:,} calls, {what.n_stored:,} in the store, {what.n_to_ask:,} to ask"
+        )
+        tell(as_json, plan_record(what), words)
+        return
+    progress = _ask(project)
+    tell(as_json, _asked(progress), asked_sentence(progress))
+    _exit_if_incomplete(progress)
+
+
+@app.command("optimize")
+def optimize_command(
+    folder: Folder,
+    seed: Seed = None,
+    population: Annotated[int | None, typer.Option(min=2, help="Individuals; kept.")] = None,
+    generations: Annotated[int | None, typer.Option(min=0, help="Generations; kept.")] = None,
+    crossover: Annotated[float | None, typer.Option(min=0, max=1, help="Rate; kept.")] = None,
+    mutation: Annotated[float | None, typer.Option(min=0, max=1, help="Rate; kept.")] = None,
+    bit_flip: Annotated[float | None, typer.Option(min=0, max=1, help="Rate; kept.")] = None,
+    tournament: Annotated[int | None, typer.Option(min=1, help="Size; kept.")] = None,
+    alpha: Annotated[float | None, typer.Option(min=0, help="Weight of R_img; kept.")] = None,
+    beta: Annotated[float | None, typer.Option(min=0, help="Weight of R_q; kept.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Choose questions for the four objectives s+, s'+, s-, s'- on the training images."""
+    project = Project.open(folder)
+    given = {
+        "population": population,
+        "generations": generations,
+        "crossover": crossover,
+        "mutation": mutation,
+        "bit_flip": bit_flip,
+        "tournament": tournament,
+    }
+    project.search = _settings(project, given)
+    project.weights = _weights(project, alpha, beta)
+    project.search_seed = project.search_seed if seed is None else seed
+    project.save()
+    _optimize(project)
+    show(project, found_results(project), as_json)
+
+
+@app.command()
+def tune(
+    folder: Folder,
+    model: Annotated[str | None, typer.Option(help="Name of the model; kept.")] = None,
+    seed: Seed = None,
+    as_json: Json = False,
+) -> None:
+    """All of it for one project: ask, optimize, report, write the recognizers."""
+    project = Project.open(folder)
+    project.model = model or project.model
+    project.search_seed = project.search_seed if seed is None else seed
+    project.assign_splits()
+    progress = _ask(project)
+    say(asked_sentence(progress))
+    if progress.stopped:
+        raise typer.Exit(3)
+    _optimize(project)
+    show(project, found_results(project), as_json)
+    _exit_if_incomplete(progress)
+
+
+def _ask(project: Project) -> AskProgress:
+    vqa_model = models.create(project.model)
+    project.fingerprint = vqa_model.fingerprint
+    project.save()
+    with interruptible() as stop:
+        return show_asking(ask(project, vqa_model, stop))
+
+
+def _optimize(project: Project) -> None:
+    with interruptible() as stop:
+        last = show_search(optimize(project, stop))
+    if last.generation < last.total:
+        say(f"stopped by you at generation {last.generation} of {last.total}; the best is kept")
+
+
+def _settings(project: Project, given: dict[str, float | None]) -> SearchSettings:
+    changed = {key: value for key, value in given.items() if value is not None}
+    try:
+        return SearchSettings(**(asdict(project.search) | changed))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def _weights(project: Project, alpha: float | None, beta: float | None) -> ObjectiveWeights:
+    old = project.weights
+    try:
+        return ObjectiveWeights(
+            old.alpha if alpha is None else alpha, old.beta if beta is None else beta
+        )
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def _asked(progress: AskProgress) -> dict[str, object]:
+    return {
+        "n_calls": progress.n_calls,
+        "n_asked": progress.n_asked,
+        "n_stored": progress.n_stored,
+        "n_failed": progress.n_failed,
+        "seconds": progress.seconds,
+        "stopped": progress.stopped,
+    }
+
+
+def _exit_if_incomplete(progress: AskProgress) -> None:
+    if progress.stopped or progress.n_failed:
+        raise typer.Exit(3)

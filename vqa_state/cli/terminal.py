@@ -1,0 +1,149 @@
+"""What the command line shows: progress on stderr, tables or one JSON document on stdout."""
+
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from types import FrameType
+from typing import Any
+
+import pandas as pd
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from vqa_state.asking import AskPlan, AskProgress
+from vqa_state.tuning import OptimizeProgress
+from vqa_state.verdict import Verdict
+
+__all__ = [
+    "asked_sentence",
+    "interruptible",
+    "print_json",
+    "print_table",
+    "say",
+    "show_asking",
+    "show_search",
+    "verdict_record",
+]
+
+
+def say(sentence: str) -> None:
+    """One line for the person at the terminal; stdout stays free for results."""
+    Console(stderr=True, highlight=False).print(sentence, markup=False, soft_wrap=True)
+
+
+def print_json(document: object) -> None:
+    """One JSON document on stdout; undefined numbers become null."""
+    sys.stdout.write(json.dumps(_plain(document), indent=1, ensure_ascii=False) + "\n")
+
+
+def print_table(frame: pd.DataFrame, title: str) -> None:
+    """A data frame of texts on stdout."""
+    table = Table(title=title, title_justify="left")
+    for column in frame.columns:
+        table.add_column(str(column))
+    for row in frame.itertuples(index=False):
+        table.add_row(*map(str, row))
+    width = None if sys.stdout.isatty() else 200  # a pipe has no width to fold to
+    Console(width=width, markup=False).print(table)
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """A stop flag that the first Ctrl-C sets; a second one ends the program at once."""
+    asked = False
+
+    def stop(_: int, __: FrameType | None) -> None:
+        nonlocal asked
+        asked = True
+        say("stopping; what came is kept (Ctrl-C again to end at once)")
+        signal.signal(signal.SIGINT, previous)
+
+    previous = signal.signal(signal.SIGINT, stop)
+    try:
+        yield lambda: asked
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def show_asking(reports: Iterator[AskProgress]) -> AskProgress:
+    """Draw the reports and give back the last one."""
+    with _bar("asking") as bar:
+        task = bar.add_task("asking", note="")
+        for last in reports:
+            note = f"{last.n_stored:,} from the store" if last.n_stored else ""
+            note += f" · {last.n_failed:,} failed" if last.n_failed else ""
+            done = last.n_calls - last.n_left
+            bar.update(task, total=last.n_calls, completed=done, note=note)
+    return last
+
+
+def show_search(reports: Iterator[OptimizeProgress]) -> OptimizeProgress:
+    """Draw the reports and give back the last one."""
+    with _bar("searching") as bar:
+        task = bar.add_task("searching", note="")
+        for last in reports:
+            terms = [
+                f"{objective.value} {one.terms.n_recognized}/{one.terms.n_images}"
+                for objective, one in last.reports.items()
+            ]
+            note = " · ".join(terms)
+            bar.update(task, total=last.total, completed=last.generation, note=note)
+    return last
+
+
+def asked_sentence(progress: AskProgress) -> str:
+    """How asking ended."""
+    words = (
+        f"{progress.n_asked:,} of {progress.n_calls:,} answers asked in {progress.seconds:.1f} s, "
+        f"{progress.n_stored:,} from the store"
+    )
+    if progress.n_failed:
+        words += f"; {progress.n_failed:,} failed ({progress.last_failure}): run it again for these"
+    return words + ("; stopped by you" if progress.stopped else "")
+
+
+def plan_record(plan: AskPlan) -> dict[str, Any]:
+    """A plan as JSON."""
+    return asdict(plan) | {"n_calls": plan.n_calls, "n_to_ask": plan.n_to_ask}
+
+
+def verdict_record(verdict: Verdict) -> dict[str, Any]:
+    """A verdict as JSON, without the single votes."""
+    record = asdict(verdict)
+    del record["votes"]
+    return record
+
+
+def _bar(what: str) -> Progress:
+    return Progress(
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=Console(stderr=True),
+        disable=not sys.stderr.isatty(),
+    )
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and value != value:
+        return None
+    return value

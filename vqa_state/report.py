@@ -1,0 +1,166 @@
+"""What a project's results say, as data frames and sentences: for the app, the terminal and CSV.
+
+The heatmap reads training images only; looks at the test table are counted by the caller.
+"""
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from vqa_state.answers import AnswerTable
+from vqa_state.asking import answer_table
+from vqa_state.evaluation import Candidate, Evaluation, Interval, Row, paired_test
+from vqa_state.project import Project
+from vqa_state.scores import count, question_stats
+from vqa_state.splits import Split
+from vqa_state.store import AnswerStore, copy_keys
+
+__all__ = [
+    "ImageAnswer",
+    "comparison_frame",
+    "comparison_sentences",
+    "image_answers",
+    "question_frame",
+    "score_frame",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class ImageAnswer:
+    """One stored answer about one copy of an image; `speaks_for` is +1, -1 or 0 (invalid)."""
+
+    question: str
+    copy: int
+    text: str
+    speaks_for: int
+
+
+def question_frame(train: AnswerTable) -> pd.DataFrame:
+    """One row a question: where it stands in the grid and how it does on the training images.
+
+    Columns: question, form, article, phrase, wording, yes_means, accuracy and its two parts by
+    state (NaN without a valid answer), invalid. Shares are in [0, 1].
+    """
+    stats = question_stats(count(train.take(train.complete)))
+    return pd.DataFrame(
+        {
+            "question": [question.text for question in train.questions],
+            "form": [question.form.value for question in train.questions],
+            "article": [q.article.value if q.article else "" for q in train.questions],
+            "phrase": [question.phrase or "" for question in train.questions],
+            "wording": [question.wording or "" for question in train.questions],
+            "yes_means": [question.yes_means for question in train.questions],
+            "accuracy": stats.accuracy,
+            "accuracy_positive": stats.accuracy_positive,
+            "accuracy_negative": stats.accuracy_negative,
+            "invalid": stats.invalid_share,
+        }
+    )
+
+
+def score_frame(evaluation: Evaluation) -> pd.DataFrame:
+    """The paper's table in numbers, one row a subset; test columns are NaN without test images."""
+    return pd.DataFrame([_numbers(row) for row in evaluation.rows])
+
+
+def comparison_frame(evaluation: Evaluation) -> pd.DataFrame:
+    """The paper's table as a person reads it: test scores with their 95 % intervals."""
+    return pd.DataFrame([_words(row) for row in evaluation.rows])
+
+
+def comparison_sentences(evaluation: Evaluation) -> list[str]:
+    """Whether s+ beats the baselines on the same test images, by an exact paired test."""
+    rows = {row.name: row for row in evaluation.rows}
+    first = rows[Candidate.S_PLUS]
+    rivals = [rows[name] for name in (Candidate.S_ALL, Candidate.BEST_QUESTION)]
+    if first.test is None:
+        return ["There are no test images, so nothing here says how good it is on new ones."]
+    sentences = []
+    for rival in rivals:
+        assert rival.test is not None  # noqa: S101  # rows are scored on the same images
+        outcome = paired_test(first.test, rival.test)
+        difference = outcome.n_only_first - outcome.n_only_second
+        verdict = "beyond luck" if outcome.p_value < 0.05 else "cannot be told from luck"
+        sentences.append(
+            f"s+ recognizes {difference:+d} of {first.test.n_images} test images compared with "
+            f"{rival.name.value}; this {verdict} (p = {outcome.p_value:.2g})."
+        )
+    return sentences
+
+
+def image_answers(project: Project, image_id: str, texts: set[str]) -> list[ImageAnswer]:
+    """The raw answers about one image to the questions with these texts.
+
+    Raises:
+        StoreError: if the store cannot be read.
+    """
+    image = project.images[image_id]
+    questions = [question for question in project.questions() if question.text in texts]
+    found = []
+    with AnswerStore(project.store_path) as store:
+        for key in copy_keys(image.pixel_hash, project.augmentation, project.seed):
+            said = store.answers(project.fingerprint or "", key, list(texts))
+            found += [
+                ImageAnswer(
+                    q.text, key.number, said[q.text].text, said[q.text].verdict(q.yes_means)
+                )
+                for q in questions
+                if q.text in said
+            ]
+    return found
+
+
+def heatmap(project: Project) -> pd.DataFrame:
+    """`question_frame` of the project's training images, before any search.
+
+    Raises:
+        NothingToSearchError: if the model was never asked.
+    """
+    return question_frame(answer_table(project, Split.TRAIN))
+
+
+def _numbers(row: Row) -> dict[str, object]:
+    nan = float("nan")
+    none = Interval(nan, nan)
+    test, intervals = row.test, row.intervals
+    return {
+        "subset": row.name.value,
+        "n_used": row.train.n_used,
+        "train_n_recognized": row.train.n_recognized,
+        "train_n_images": row.train.n_images,
+        "train_R_ave": row.train.R_ave,
+        "train_R_invalid": row.train.R_invalid,
+        "test_n_recognized": test.n_recognized if test else nan,
+        "test_n_images": test.n_images if test else nan,
+        "test_R_ave": test.R_ave if test else nan,
+        "test_R_invalid": test.R_invalid if test else nan,
+        "test_R_img_low": (intervals.R_img if intervals else none).low,
+        "test_R_img_high": (intervals.R_img if intervals else none).high,
+        "test_R_ave_low": (intervals.R_ave if intervals else none).low,
+        "test_R_ave_high": (intervals.R_ave if intervals else none).high,
+        "test_R_invalid_low": (intervals.R_invalid if intervals else none).low,
+        "test_R_invalid_high": (intervals.R_invalid if intervals else none).high,
+    }
+
+
+def _words(row: Row) -> dict[str, object]:
+    words: dict[str, object] = {
+        "subset": row.name.value,
+        "questions": row.train.n_used,
+        "train: recognized": f"{row.train.n_recognized} of {row.train.n_images}",
+        "train: R_ave": f"{row.train.R_ave:.3f}",
+        "train: R_invalid": f"{row.train.R_invalid:.3f}",
+    }
+    test, intervals = row.test, row.intervals
+    if test is None or intervals is None:
+        return words | dict.fromkeys(("test: recognized", "test: R_ave", "test: R_invalid"), "–")
+    low, high = (test.n_images * end for end in (intervals.R_img.low, intervals.R_img.high))
+    return words | {
+        "test: recognized": f"{test.n_recognized} of {test.n_images} ({low:.1f}–{high:.1f})",
+        "test: R_ave": _with_interval(test.R_ave, intervals.R_ave),
+        "test: R_invalid": _with_interval(test.R_invalid, intervals.R_invalid),
+    }
+
+
+def _with_interval(value: float, interval: Interval) -> str:
+    return f"{value:.3f} ({interval.low:.3f}–{interval.high:.3f})"

@@ -1,0 +1,55 @@
+"""What a recognizer says about one image."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from vqa_state.answers import Answer
+
+__all__ = ["State", "Verdict", "Vote"]
+
+
+class State(StrEnum):
+    """What a verdict says."""
+
+    POSITIVE = "positive"
+    NEGATIVE = "negative"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Vote:
+    """One answer of the vote. `speaks_for` is +1, -1 or 0 for an invalid answer."""
+
+    question: str
+    copy: int
+    answer: Answer
+    speaks_for: int
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a recognizer says about one image.
+
+    Attributes:
+        state: positive, negative or unknown.
+        state_name: the user's word for it, or "unknown".
+        reason: why, in one sentence.
+        confidence: the winner's share of the valid votes in [0.5, 1]; NaN without valid votes.
+        n_positive: answers for the positive state.
+        n_negative: answers for the negative state.
+        n_invalid: answers for neither.
+        n_calls: one question about one copy is one call.
+        milliseconds: from the picture to the verdict.
+        votes: all answers, by copy and question.
+    """
+
+    state: State
+    state_name: str
+    reason: str
+    confidence: float
+    n_positive: int
+    n_negative: int
+    n_invalid: int
+    n_calls: int
+    milliseconds: float
+    votes: tuple[Vote, ...]
