@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# Installs all that the tests need and runs them: the README's second command.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+# A browser for the page, and software OpenGL for the scenes.
+missing=()
+command -v chromium >/dev/null || missing+=(chromium)
+ldconfig -p | grep -q libOSMesa || missing+=(libosmesa6)
+if [ ${#missing[@]} -gt 0 ]; then
+  as_root=""; [ "$(id -u)" = 0 ] || as_root=sudo
+  $as_root apt-get update -qq
+  DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -qq "${missing[@]}" >/dev/null
+fi
+
+[ -x .venv/bin/python ] || python3 -m venv .venv
+.venv/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
+
+.venv/bin/ruff check .
+.venv/bin/ruff format --check .
+.venv/bin/mypy
+.venv/bin/python -m pytest "$@"
