@@ -89,14 +89,13 @@ def _add(project: Project, incoming: Iterable[_Incoming], label: int | None) -> 
     known: list[str] = []
     refused: list[Refused] = []
     for item in incoming:
-        shown = PurePosixPath(item.name).name or item.name
         if item.data is None:
-            refused.append(Refused(shown, item.reason))
+            refused.append(Refused(item.name, item.reason))
             continue
         try:
-            one = project.add(item.data, shown, _label_of(project, item.name, label))
+            one = project.add(item.data, item.name, _label_of(project, item.name, label))
         except ImageError as error:
-            refused.append(Refused(shown, str(error)))
+            refused.append(Refused(item.name, str(error)))
             continue
         (added if one.is_new else known).append(one.image.id)
         split = _split_of(item.name)
