@@ -25,6 +25,11 @@ EMPTY_SUBSET_FITNESS = -1.0  # not a solution: below every other subset, see Obj
 
 _EXACT_IN_FLOAT32 = 2**24  # whole numbers up to here survive float32
 
+# Products of this many multiplications stay in one thread of OpenBLAS. Larger ones are shared
+# out, and on a busy machine the waiting for each other costs several times what it saves.
+_ONE_THREAD = 2**18
+_SMALLEST_BLOCK = 64  # individuals; below, the calls cost more than the products
+
 
 @dataclass(frozen=True, slots=True)
 class Terms:
@@ -107,10 +112,19 @@ class Fitness:
         self, population: NDArray[np.uint8] | NDArray[np.bool_]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Recognized images and mean correct rate, both (n_individuals,)."""
-        sums = (population.astype(self._per_question.dtype) @ self._per_question).astype(np.int64)
+        sums = self._sums(population)
         correct, asked = sums[:, : self.n_images], sums[:, self.n_images :]  # (individuals, images)
         n_recognized = np.count_nonzero(2 * correct > asked, axis=1)
         return n_recognized, mean_rate(rate(correct, asked, undefined=0.0))
+
+    def _sums(self, population: NDArray[np.uint8] | NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Correct, then asked, answers of each image, (n_individuals, 2 * n_images)."""
+        sums = np.empty((len(population), 2 * self.n_images), dtype=np.int64)
+        size = max(_SMALLEST_BLOCK, _ONE_THREAD // self._per_question.size)
+        for start in range(0, len(population), size):
+            block = slice(start, start + size)
+            sums[block] = population[block].astype(self._per_question.dtype) @ self._per_question
+        return sums
 
     def _weighted_sum(
         self, n_recognized: NDArray[np.int64], R_ave: NDArray[np.float64], n_used: NDArray[np.int64]
