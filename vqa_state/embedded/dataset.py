@@ -72,18 +72,20 @@ def render_jobs(jobs: Sequence[SceneJob], n_processes: int = 1) -> Iterator[Scen
 
 
 def load_examples(folder: Path, n_scenes: int | None = None) -> list[Example]:
-    """All finished pictures below `folder`, of scenes with seeds below `n_scenes`, in order."""
+    """All finished pictures below `folder`, of scenes with seeds below `n_scenes`.
+
+    They are ordered by seed, then thing: more scenes only add to the end of the list.
+    """
     examples = []
-    for record in sorted(folder.glob("*/*.json")):
+    records = sorted(folder.glob("*/*.json"), key=lambda path: (path.stem, path.parent.name))
+    for record in records:
         if n_scenes is not None and int(record.stem) >= n_scenes:
             continue
         thing = record.parent.name
         for picture in json.loads(record.read_text("utf-8")):
             path = record.parent / picture["file"]
             scene = f"{thing}/{record.stem}"
-            examples.append(
-                Example(path, thing, picture["positive"], picture["facts"], scene)
-            )
+            examples.append(Example(path, thing, picture["positive"], picture["facts"], scene))
     return examples
 
 

@@ -12,9 +12,7 @@ from vqa_state.embedded.scenes import Split
 __all__ = ["main", "render_split"]
 
 
-def render_split(
-    folder: Path, split: Split, n_scenes: int, n_views: int, n_processes: int
-) -> None:
+def render_split(folder: Path, split: Split, n_scenes: int, n_views: int, n_processes: int) -> None:
     """Render what is missing, with a bar. Finished scenes are skipped, so a stop costs little."""
     jobs = pending_jobs(folder, split, n_scenes, n_views)
     done = render_jobs(jobs, n_processes)
@@ -24,7 +22,9 @@ def render_split(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Render one split to `--out`/SPLIT/THING."""
-    parser = argparse.ArgumentParser(prog="python -m vqa_state.embedded.render", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m vqa_state.embedded.render", description=__doc__
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--split", type=Split, choices=list(Split), default=Split.TRAIN)
     parser.add_argument("--scenes", type=int, default=250, help="scenes of each thing")

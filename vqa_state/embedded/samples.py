@@ -33,7 +33,9 @@ def write_samples(folder: Path, thing: str, n_images: int = 10) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Write the pictures of all sample projects."""
-    parser = argparse.ArgumentParser(prog="python -m vqa_state.embedded.samples", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m vqa_state.embedded.samples", description=__doc__
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     chosen = parser.parse_args(arguments)
     for thing in _SAMPLE_THINGS:

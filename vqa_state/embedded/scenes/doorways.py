@@ -26,9 +26,13 @@ def build_transparent_door(scene: SceneBuilder) -> Blueprint:
     width, height = scene.uniform(0.8, 1.25), scene.uniform(1.9, 2.25)
     _add_rooms(scene, width, height)
     side, slides = scene.side(), scene.chance(0.4)
-    at, joint = ((0.0, -0.08, 0.0), slide("leaf")) if slides else (
-        (side * width / 2, 0.0, 0.0),
-        hinge("leaf"),
+    at, joint = (
+        ((0.0, -0.08, 0.0), slide("leaf"))
+        if slides
+        else (
+            (side * width / 2, 0.0, 0.0),
+            hinge("leaf"),
+        )
     )
     with scene.body(at, joint):
         centre = 0.0 if slides else -side * width / 2

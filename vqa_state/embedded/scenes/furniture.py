@@ -41,7 +41,11 @@ def build_cabinet(scene: SceneBuilder) -> Blueprint:
 
 def build_refrigerator(scene: SceneBuilder) -> Blueprint:
     """One door, a door and a freezer, or two doors side by side, with food on the shelves."""
-    width, height, depth = scene.uniform(0.55, 0.9), scene.uniform(1.3, 1.9), scene.uniform(0.55, 0.7)
+    width, height, depth = (
+        scene.uniform(0.55, 0.9),
+        scene.uniform(1.3, 1.9),
+        scene.uniform(0.55, 0.7),
+    )
     bottom = 0.03
     add_room(scene, depth + 0.05)
     outside = scene.material(scene.pick(("white", "metal", "any", "dark")))
@@ -65,7 +69,11 @@ def build_refrigerator(scene: SceneBuilder) -> Blueprint:
 
 def build_microwave(scene: SceneBuilder) -> Blueprint:
     """A microwave oven on a counter, its door hinged on the left."""
-    width, height, depth = scene.uniform(0.42, 0.56), scene.uniform(0.25, 0.34), scene.uniform(0.3, 0.4)
+    width, height, depth = (
+        scene.uniform(0.42, 0.56),
+        scene.uniform(0.25, 0.34),
+        scene.uniform(0.3, 0.4),
+    )
     bottom = scene.uniform(0.8, 1.3)
     add_room(scene, depth + scene.uniform(0.02, 0.3))
     counter = (3.0, depth + 0.35, 0.07)

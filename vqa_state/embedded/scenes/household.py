@@ -50,7 +50,9 @@ def build_display(scene: SceneBuilder) -> Blueprint:
     scene.geom("box", flat, scene.screen(), at=(0, y - 0.021, middle), turn=upright)
     with scene.body((0, y - 0.024, middle), '<joint name="cover" type="slide" axis="0 0 1"/>'):
         scene.box((0, 0, 0), (width, 0.003, height), scene.material("dark"))
-    camera = CameraRange((0, y, middle), (55, 125), (-25, 8), (width * 1.1 + 0.1, width * 2.2 + 0.2))
+    camera = CameraRange(
+        (0, y, middle), (55, 125), (-25, 8), (width * 1.1 + 0.1, width * 2.2 + 0.2)
+    )
     return Blueprint(_switch_display, camera)
 
 
@@ -162,7 +164,11 @@ def _add_bag(
         scene.box(place, (0.012, depth * 0.8, height * 0.8), cloth)
     for _ in range(scene.count(1, 5)):
         x, y = scene.uniform(-width * 0.35, width * 0.35), scene.uniform(-depth * 0.2, depth * 0.2)
-        extent = (scene.uniform(0.03, 0.1), scene.uniform(0.02, 0.05), height * scene.uniform(0.3, 0.7))
+        extent = (
+            scene.uniform(0.03, 0.1),
+            scene.uniform(0.02, 0.05),
+            height * scene.uniform(0.3, 0.7),
+        )
         scene.box((x, y, table + height * 0.45), extent, scene.material())
     if has_flap:
         _add_flap(scene, size=(width, depth, height), table=table, cloth=cloth)
@@ -184,7 +190,10 @@ def _add_flap(
 ) -> None:
     """A lid hinged at the back wall whose front end hangs over the front wall."""
     width, depth, height = size
-    finish, hang = cloth if scene.chance(0.5) else scene.material("cloth"), height * scene.uniform(0.3, 0.7)
+    finish, hang = (
+        cloth if scene.chance(0.5) else scene.material("cloth"),
+        height * scene.uniform(0.3, 0.7),
+    )
     with scene.body((0, depth / 2, table + height + 0.017), hinge("lid", "1 0 0")):
         scene.box((0, -depth / 2, 0), (width * 1.01, depth + 0.03, 0.012), finish)
         with scene.body((0, -depth - 0.012, 0), hinge("tongue", "1 0 0")):

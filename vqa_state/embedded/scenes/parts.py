@@ -60,7 +60,9 @@ def add_clutter(
             scene.geom("ellipsoid", extent, finish, at=(at_x, at_y, z + height / 3))
 
 
-def add_items(scene: SceneBuilder, width: float, depth: float, z: float, n: int, top: float) -> None:
+def add_items(
+    scene: SceneBuilder, width: float, depth: float, z: float, n: int, top: float
+) -> None:
     """Put food, cups and boxes on a shelf at height `z`, none higher than `top`."""
     for _ in range(n):
         x, y = scene.uniform(-width * 0.42, width * 0.42), scene.uniform(0.05, depth * 0.8)

@@ -38,9 +38,7 @@ def _turn_tap(stage: Stage, runs: bool) -> Facts:
     return {"stream": runs, "splash": runs, "dry_outlet": not runs}
 
 
-def _add_sink(
-    scene: SceneBuilder, width: float, depth: float, bowl: float, counter: float
-) -> None:
+def _add_sink(scene: SceneBuilder, width: float, depth: float, bowl: float, counter: float) -> None:
     finish = scene.material(scene.pick(("white", "metal")))
     top = scene.material()
     scene.box((0, 0, counter - bowl), (width, depth, 0.01), finish)

@@ -31,7 +31,11 @@ def mixed_colour(rng: np.random.Generator) -> Colour:
     elif family == 1:
         hue, saturation, value = rng.random(), rng.uniform(0.1, 0.4), rng.uniform(0.4, 0.95)
     elif family == 2:
-        hue, saturation, value = rng.uniform(0.04, 0.12), rng.uniform(0.3, 0.6), rng.uniform(0.3, 0.8)
+        hue, saturation, value = (
+            rng.uniform(0.04, 0.12),
+            rng.uniform(0.3, 0.6),
+            rng.uniform(0.3, 0.8),
+        )
     else:
         hue, saturation, value = rng.random(), rng.uniform(0.5, 0.85), rng.uniform(0.35, 0.95)
     return colorsys.hsv_to_rgb(float(hue), float(saturation), float(value))
@@ -104,7 +108,9 @@ def _cloth(rng: np.random.Generator) -> Pattern:
 
 
 def _speckle(rng: np.random.Generator) -> Pattern:
-    return np.asarray((rng.random((_SIZE, _SIZE)) < rng.uniform(0.1, 0.5)) * 0.7 + 0.3 * _cells(rng, 8))
+    return np.asarray(
+        (rng.random((_SIZE, _SIZE)) < rng.uniform(0.1, 0.5)) * 0.7 + 0.3 * _cells(rng, 8)
+    )
 
 
 def _stripes(rng: np.random.Generator) -> Pattern:

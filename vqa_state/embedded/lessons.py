@@ -1,0 +1,95 @@
+"""Batches: which pictures, which questions, and the right answers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from vqa_state.embedded.curriculum import Drill, make_drills
+from vqa_state.embedded.dataset import Example
+from vqa_state.embedded.text import encode_questions
+from vqa_state.embedded.vocabulary import ANSWERS
+
+__all__ = ["Batch", "Lessons"]
+
+#: The target of a question that nobody can answer for a picture; the loss leaves it out.
+UNKNOWN = -100
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Pictures and their questions.
+
+    `rows` (n_images,) are positions in the list of examples. `buckets` are the batch's different
+    questions, `asked` (n_images, n_questions) picks from them, `targets` are the right answers.
+    """
+
+    rows: NDArray[np.int64]
+    buckets: Tensor
+    asked: Tensor
+    targets: Tensor
+
+
+class Lessons:
+    """Draws batches from examples; rare kinds of pictures come up more often than their share."""
+
+    def __init__(self, examples: Sequence[Example], n_drills: int, seed: int) -> None:
+        self._rng = np.random.default_rng([seed, 1])
+        self._examples = examples
+        things = sorted({example.thing for example in examples})
+        self._drills = {thing: make_drills(thing, n_drills, self._rng) for thing in things}
+        self._buckets = {
+            thing: torch.from_numpy(encode_questions([drill.text for drill in drills]))
+            for thing, drills in self._drills.items()
+        }
+        self._targets = [_targets(example, self._drills) for example in examples]
+        self._shares = _shares(examples)
+
+    def draw(self, n_images: int, n_questions: int) -> Batch:
+        """A batch in which all pictures of a thing are asked the same questions.
+
+        That keeps the number of different questions, which cost much to read, small.
+        """
+        rows = self._rng.choice(len(self._examples), n_images, p=self._shares)
+        things = sorted({self._examples[row].thing for row in rows})
+        chosen = {
+            thing: self._rng.choice(len(self._drills[thing]), n_questions, replace=False)
+            for thing in things
+        }
+        buckets = torch.cat([self._buckets[thing][chosen[thing]] for thing in things])
+        longest = int((buckets[:, :, 0] > 0).sum(dim=1).max())
+        first = {thing: number * n_questions for number, thing in enumerate(things)}
+        asked = np.stack(
+            [first[self._examples[row].thing] + np.arange(n_questions) for row in rows]
+        )
+        targets = np.stack(
+            [self._targets[row][chosen[self._examples[row].thing]] for row in rows]
+        )
+        return Batch(
+            rows, buckets[:, :longest], torch.from_numpy(asked), torch.from_numpy(targets)
+        )
+
+
+def _targets(example: Example, drills: Mapping[str, Sequence[Drill]]) -> NDArray[np.int64]:
+    answers = [
+        drill.answer(example.is_positive, example.facts) for drill in drills[example.thing]
+    ]
+    numbers = [UNKNOWN if answer is None else ANSWERS.index(answer) for answer in answers]
+    return np.array(numbers, np.int64)
+
+
+def _shares(examples: Sequence[Example]) -> NDArray[np.float64]:
+    """Probabilities that fall with the square root of the group's size.
+
+    A group is one thing in one state, rendered or photographed.
+    """
+    groups = [
+        (example.thing, example.is_positive, example.scene.startswith("photo/"))
+        for example in examples
+    ]
+    sizes = {group: groups.count(group) for group in set(groups)}
+    weights = np.array([sizes[group] ** -0.5 for group in groups])
+    return np.asarray(weights / weights.sum())

@@ -1,0 +1,137 @@
+"""The network: image tokens are made once, then every question reads them with a few slots."""
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from vqa_state.embedded.text import MAX_WORDS, N_BUCKETS
+from vqa_state.embedded.trunk import N_TOKENS, TOKEN_WIDTH, Trunk
+from vqa_state.embedded.vocabulary import ANSWERS
+
+__all__ = ["Memory", "VQANetwork"]
+
+_WIDTH = 160
+_N_HEADS = 4
+_WORD_WIDTH = 128
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """What the reader keeps of images: keys and values of every layer.
+
+    Each tensor is of shape (n_images, n_heads, 49, width / n_heads).
+    """
+
+    keys_values: tuple[tuple[Tensor, Tensor], ...]
+
+
+class Attention(nn.Module):
+    """Multi-head attention and a feed-forward layer, each with its residual."""
+
+    def __init__(self, dropout: float = 0.1) -> None:
+        super().__init__()
+        self.query_norm = nn.LayerNorm(_WIDTH)
+        self.query = nn.Linear(_WIDTH, _WIDTH)
+        self.key_value = nn.Linear(_WIDTH, 2 * _WIDTH)
+        self.merge = nn.Linear(_WIDTH, _WIDTH)
+        self.forward_norm = nn.LayerNorm(_WIDTH)
+        self.feed_forward = nn.Sequential(
+            nn.Linear(_WIDTH, 2 * _WIDTH),
+            nn.GELU(),
+            nn.Dropout(dropout),
+            nn.Linear(2 * _WIDTH, _WIDTH),
+        )
+
+    def remember(self, source: Tensor) -> tuple[Tensor, Tensor]:
+        """Keys and values, (n, n_heads, length, head_width) each, of a (n, length, width) source."""
+        key, value = self.key_value(source).chunk(2, dim=-1)
+        return _split_heads(key), _split_heads(value)
+
+    def forward(
+        self, x: Tensor, memory: tuple[Tensor, Tensor], mask: Tensor | None = None
+    ) -> Tensor:
+        """(n, length, width) slots read a memory; `mask` (n, 1, 1, source length) is true to read."""
+        query = _split_heads(self.query(self.query_norm(x)))
+        read = F.scaled_dot_product_attention(query, *memory, attn_mask=mask)
+        x = x + self.merge(read.transpose(1, 2).flatten(2))
+        return x + self.feed_forward(self.forward_norm(x))  # type: ignore[no-any-return]
+
+
+class QuestionEncoder(nn.Module):
+    """Words to slots: what the question wants to know, in a form that can read an image."""
+
+    def __init__(self, n_slots: int, n_layers: int = 2) -> None:
+        super().__init__()
+        # The sum of a word's pieces, as a table without a row for padding.
+        self.pieces = nn.EmbeddingBag(N_BUCKETS, _WORD_WIDTH, mode="mean", padding_idx=0)
+        nn.init.normal_(self.pieces.weight, std=0.05)
+        self.widen = nn.Linear(_WORD_WIDTH, _WIDTH)
+        self.place = nn.Parameter(torch.randn(MAX_WORDS, _WIDTH) * 0.05)
+        self.layers = nn.ModuleList(Attention() for _ in range(n_layers))
+        self.slots = nn.Parameter(torch.randn(n_slots, _WIDTH) * 0.1)
+        self.collect = Attention()
+
+    def forward(self, buckets: Tensor) -> Tensor:
+        """Buckets (n, MAX_WORDS, N_PIECES) -> slots (n, n_slots, width)."""
+        n_questions, n_words, n_pieces = buckets.shape
+        pieces = self.pieces(buckets.reshape(-1, n_pieces)).view(n_questions, n_words, -1)
+        x = self.widen(pieces * _WORD_WIDTH**0.5) + self.place
+        mask = (buckets[:, :, 0] > 0)[:, None, None, :]
+        for layer in self.layers:
+            x = layer(x, layer.remember(layer.query_norm(x)), mask)
+        slots = self.slots.expand(n_questions, -1, -1)
+        return self.collect(slots, self.collect.remember(x), mask)  # type: ignore[no-any-return]
+
+
+class VQANetwork(nn.Module):
+    """Answers questions about images: `see` once an image, `read` once a question, then `answer`."""
+
+    def __init__(self, n_slots: int = 4, n_layers: int = 3) -> None:
+        super().__init__()
+        self.trunk = Trunk()
+        self.narrow = nn.Sequential(
+            nn.LayerNorm(TOKEN_WIDTH),
+            nn.Linear(TOKEN_WIDTH, _WIDTH),
+            nn.GELU(),
+            nn.LayerNorm(_WIDTH),
+        )
+        self.token_dropout = nn.Dropout(0.2)
+        self.place = nn.Parameter(torch.randn(N_TOKENS, _WIDTH) * 0.02)
+        self.read = QuestionEncoder(n_slots)
+        self.layers = nn.ModuleList(Attention() for _ in range(n_layers))
+        self.decide = nn.Sequential(
+            nn.LayerNorm(n_slots * _WIDTH),
+            nn.Linear(n_slots * _WIDTH, _WIDTH),
+            nn.GELU(),
+            nn.Dropout(0.2),
+            nn.Linear(_WIDTH, len(ANSWERS)),
+        )
+
+    def see(self, pixels: Tensor) -> Memory:
+        """(n_images, 3, 224, 224) pixels in about [-1, 1] -> what questions read."""
+        return self.remember(self.trunk(pixels))
+
+    def remember(self, tokens: Tensor) -> Memory:
+        """Tokens (n_images, 49, 768) -> what questions read."""
+        source = self.token_dropout(self.narrow(tokens)) + self.place
+        return Memory(tuple(layer.remember(source) for layer in self.layers))
+
+    def answer(self, memory: Memory, slots: Tensor) -> Tensor:
+        """Logits (n_images, n_questions, n_answers) of slots (n_images, n_questions, n_slots, width).
+
+        All questions of an image stand in one row of slots; slots never read each other, so
+        questions do not either.
+        """
+        n_images, n_questions, n_slots, width = slots.shape
+        x = slots.reshape(n_images, n_questions * n_slots, width)
+        for layer, keys_values in zip(self.layers, memory.keys_values, strict=True):
+            x = layer(x, keys_values)
+        x = x.reshape(n_images, n_questions, n_slots * width)
+        return self.decide(x)  # type: ignore[no-any-return]
+
+
+def _split_heads(x: Tensor) -> Tensor:
+    """(n, length, width) -> (n, n_heads, length, width / n_heads)."""
+    return x.unflatten(-1, (_N_HEADS, -1)).transpose(1, 2)

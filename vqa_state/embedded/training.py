@@ -1,0 +1,129 @@
+"""The two stages of training: first the reader alone, then the last blocks of the trunk too."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from vqa_state.embedded.features import N_FROZEN_BLOCKS
+from vqa_state.embedded.lessons import UNKNOWN, Batch, Lessons
+from vqa_state.embedded.network import Memory, VQANetwork
+
+__all__ = ["StepReport", "train_reader", "tune_trunk"]
+
+_N_QUESTIONS = 8
+_LABEL_SMOOTHING = 0.05
+_LARGEST_GRADIENT = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class StepReport:
+    """One step: its number from 1, how many there are, and loss and accuracy in its batch."""
+
+    stage: str
+    step: int
+    n_steps: int
+    loss: float
+    accuracy: float
+
+
+def train_reader(
+    network: VQANetwork, maps: Tensor, lessons: Lessons, n_epochs: float, batch_size: int = 64
+) -> Iterator[StepReport]:
+    """Train everything but the trunk, whose tokens are computed once.
+
+    `maps` is (n_examples, 112, 14, 14): the output of the trunk's frozen blocks.
+    """
+    tokens = _all_tokens(network, maps)
+    for parameter in network.trunk.parameters():
+        parameter.requires_grad_(False)
+    learner = _Learner(
+        network,
+        "reader",
+        [{"params": [p for p in network.parameters() if p.requires_grad], "lr": 1e-3}],
+        math.ceil(n_epochs * len(maps) / batch_size),
+    )
+    for _ in range(learner.n_steps):
+        batch = lessons.draw(batch_size, _N_QUESTIONS)
+        yield learner.step(batch, network.remember(tokens[batch.rows].float()))
+
+
+def tune_trunk(
+    network: VQANetwork, maps: Tensor, lessons: Lessons, n_epochs: float, batch_size: int = 32
+) -> Iterator[StepReport]:
+    """Train everything behind the frozen blocks, at a small learning rate."""
+    late = list(network.trunk.blocks[N_FROZEN_BLOCKS:].parameters())
+    for parameter in late:
+        parameter.requires_grad_(True)
+    reader = [
+        parameter
+        for name, parameter in network.named_parameters()
+        if not name.startswith("trunk.")
+    ]
+    groups = [{"params": late, "lr": 1.5e-4}, {"params": reader, "lr": 3e-4}]
+    n_steps = math.ceil(n_epochs * len(maps) / batch_size)
+    learner = _Learner(network, "trunk", groups, n_steps)
+    for step in range(n_steps):
+        batch = lessons.draw(batch_size, _N_QUESTIONS)
+        part = maps[batch.rows].float()
+        # Mirrored maps are a cheap second version of every picture.
+        part = part.flip(-1) if step % 2 else part
+        part = part.contiguous(memory_format=torch.channels_last)
+        tokens = network.trunk.finish(part, N_FROZEN_BLOCKS)
+        yield learner.step(batch, network.remember(tokens))
+
+
+class _Learner:
+    """Optimiser, schedule and loss of one stage."""
+
+    def __init__(
+        self,
+        network: VQANetwork,
+        stage: str,
+        groups: list[dict[str, object]],
+        n_steps: int,
+    ) -> None:
+        self.network = network.train()
+        self.stage = stage
+        self.n_steps = n_steps
+        self._step = 0
+        self._optimizer = torch.optim.AdamW(groups, weight_decay=0.05)
+        self._schedule = torch.optim.lr_scheduler.OneCycleLR(
+            self._optimizer,
+            [group["lr"] for group in self._optimizer.param_groups],
+            total_steps=n_steps,
+            pct_start=0.15,
+        )
+
+    def step(self, batch: Batch, memory: Memory) -> StepReport:
+        """Learn from one batch whose images have been seen."""
+        slots = self.network.read(batch.buckets)[batch.asked]
+        logits = self.network.answer(memory, slots).flatten(0, 1)
+        targets = batch.targets.flatten()
+        loss = F.cross_entropy(
+            logits, targets, ignore_index=UNKNOWN, label_smoothing=_LABEL_SMOOTHING
+        )
+        self._optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        trained = [p for group in self._optimizer.param_groups for p in group["params"]]
+        nn.utils.clip_grad_norm_(trained, _LARGEST_GRADIENT)
+        self._optimizer.step()
+        self._schedule.step()
+        self._step += 1
+        known = targets != UNKNOWN
+        right = (logits.argmax(dim=-1) == targets)[known].float().mean()
+        return StepReport(self.stage, self._step, self.n_steps, loss.item(), right.item())
+
+
+@torch.inference_mode()
+def _all_tokens(network: VQANetwork, maps: Tensor) -> Tensor:
+    """Tokens (n_examples, 49, 768) in float16 of all maps."""
+    network.eval()
+    parts = []
+    for part in maps.split(64):
+        ready = part.float().contiguous(memory_format=torch.channels_last)
+        parts.append(network.trunk.finish(ready, N_FROZEN_BLOCKS).half())
+    return torch.cat(parts)

@@ -1,0 +1,119 @@
+"""EfficientNet-Lite0 without its classifier, batch normalisation folded into the convolutions.
+
+Source: M. Tan, Q. Le, *EfficientNet*, ICML 2019; the Lite variants (no squeeze-and-excitation,
+ReLU6) are from github.com/tensorflow/tpu, models/official/efficientnet/lite.
+"""
+
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+__all__ = ["INPUT_SIZE", "N_TOKENS", "STAGES", "TOKEN_WIDTH", "Stage", "Trunk"]
+
+#: Pixels a side of the input.
+INPUT_SIZE = 224
+
+#: The output is a 7 x 7 map, each place described by the last block and by the 2 x 2 places of an
+#: earlier, finer one (a gap at a door's edge is too small for the last block).
+N_TOKENS = 49
+TOKEN_WIDTH = 320 + 4 * 112
+
+
+class Stage(NamedTuple):
+    """Blocks in a row: the first one changes width and stride."""
+
+    repeats: int
+    kernel: int
+    stride: int
+    expansion: int
+    width: int
+
+
+STAGES = (
+    Stage(1, 3, 1, 1, 16),
+    Stage(2, 3, 2, 6, 24),
+    Stage(2, 5, 2, 6, 40),
+    Stage(3, 3, 2, 6, 80),
+    Stage(3, 5, 1, 6, 112),
+    Stage(4, 5, 2, 6, 192),
+    Stage(1, 3, 1, 6, 320),
+)
+
+_STEM_WIDTH = 32
+
+#: The last block at 14 x 14; its output is the finer half of a token.
+_FINE_BLOCK = 10
+
+
+class SameConv(nn.Conv2d):
+    """A convolution with TensorFlow's "same" padding, which is uneven at stride 2."""
+
+    def __init__(
+        self, inputs: int, outputs: int, kernel: int, stride: int, groups: int = 1
+    ) -> None:
+        super().__init__(inputs, outputs, kernel, stride, groups=groups)
+        total = kernel - stride
+        before = total // 2
+        self.pad = (before, total - before, before, total - before)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(n, inputs, h, w) -> (n, outputs, h / stride, w / stride); h, w divisible by stride."""
+        before, after, _, _ = self.pad
+        if before == after:
+            return F.conv2d(x, self.weight, self.bias, self.stride, before, 1, self.groups)
+        return F.conv2d(F.pad(x, self.pad), self.weight, self.bias, self.stride, 0, 1, self.groups)
+
+
+class Block(nn.Module):
+    """Widen, look around in each channel, narrow; add the input where the shapes allow it."""
+
+    def __init__(self, inputs: int, stage: Stage, stride: int) -> None:
+        super().__init__()
+        wide = inputs * stage.expansion
+        self.expand = SameConv(inputs, wide, 1, 1) if stage.expansion != 1 else None
+        self.depthwise = SameConv(wide, wide, stage.kernel, stride, groups=wide)
+        self.project = SameConv(wide, stage.width, 1, 1)
+        self.adds_input = stride == 1 and inputs == stage.width
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(n, inputs, h, w) -> (n, width, h / stride, w / stride)."""
+        h = x if self.expand is None else F.relu6(self.expand(x))
+        h = self.project(F.relu6(self.depthwise(h)))
+        return x + h if self.adds_input else h
+
+
+class Trunk(nn.Module):
+    """Pixels to image tokens."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stem = SameConv(3, _STEM_WIDTH, 3, 2)
+        blocks, width = [], _STEM_WIDTH
+        for stage in STAGES:
+            for repeat in range(stage.repeats):
+                blocks.append(Block(width, stage, stage.stride if repeat == 0 else 1))
+                width = stage.width
+        self.blocks = nn.ModuleList(blocks)
+
+    def forward(self, pixels: Tensor) -> Tensor:
+        """(n, 3, 224, 224) pixels in about [-1, 1] -> tokens (n, 49, 768)."""
+        return self.finish(self.begin(pixels, len(self.blocks) // 2), len(self.blocks) // 2)
+
+    def begin(self, pixels: Tensor, n_blocks: int) -> Tensor:
+        """The stem and the first `n_blocks` blocks, which training may leave as they are."""
+        h = F.relu6(self.stem(pixels))
+        for block in self.blocks[:n_blocks]:
+            h = block(h)
+        return h
+
+    def finish(self, h: Tensor, n_blocks: int) -> Tensor:
+        """All blocks from number `n_blocks` on; `n_blocks` is at most 11, so that `h` is 14 x 14."""
+        fine = h
+        for number in range(n_blocks, len(self.blocks)):
+            h = self.blocks[number](h)
+            if number == _FINE_BLOCK:
+                fine = h  # (n, 112, 14, 14)
+        both = torch.cat([h, F.pixel_unshuffle(fine, 2)], dim=1)  # (n, 768, 7, 7)
+        return both.flatten(2).transpose(1, 2)

@@ -1,0 +1,66 @@
+"""The weights file: safetensors, half precision, with what made it in its header."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+
+from vqa_state.embedded.network import VQANetwork
+from vqa_state.errors import ModelError
+
+__all__ = ["WEIGHTS", "load_network", "save_network", "weights_digest"]
+
+#: The file that ships with the package.
+WEIGHTS = Path(__file__).with_name("weights.safetensors")
+
+
+def save_network(network: VQANetwork, path: Path, about: Mapping[str, str]) -> None:
+    """Write the network in float16, half of float32 in size. `about` goes into the header."""
+    tensors = {name: value.half().contiguous() for name, value in network.state_dict().items()}
+    save_file(tensors, path, metadata=dict(about))
+
+
+def load_network(path: Path = WEIGHTS) -> VQANetwork:
+    """The network in float32, ready to answer.
+
+    Raises:
+        ModelError: if the file is missing, damaged or made for another network.
+    """
+    network = VQANetwork()
+    try:
+        tensors = load_file(path)
+        network.load_state_dict({name: value.float() for name, value in tensors.items()})
+    except (OSError, SafetensorError, RuntimeError) as error:
+        raise ModelError(
+            f"the embedded model's weights at {path} are missing or damaged; install the package "
+            "again, or make new ones with: python -m vqa_state.embedded.train --out DIR"
+        ) from error
+    return network.eval()
+
+
+def weights_digest(path: Path = WEIGHTS) -> str:
+    """The first 16 hexadecimal digits of the file's SHA-256.
+
+    Raises:
+        ModelError: if the file cannot be read.
+    """
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise ModelError(
+            f"the embedded model's weights at {path} cannot be read; install the package again"
+        ) from error
+
+
+def read_header(path: Path = WEIGHTS) -> dict[str, str]:
+    """What `save_network` was told about the file."""
+    with safe_open(path, framework="pt") as file:
+        return dict(file.metadata() or {})
+
+
+def count_parameters(network: torch.nn.Module) -> int:
+    """The number of single weights."""
+    return sum(parameter.numel() for parameter in network.parameters())
