@@ -1,0 +1,201 @@
+"""The commands, run as a user runs them."""
+
+import hashlib
+import json
+
+import pytest
+from conftest import picture
+from typer.testing import CliRunner
+
+from vqa_state import cli, models
+from vqa_state.answers import Answer
+from vqa_state.models.base import Failure
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.project import Project
+from vqa_state.recognizer import Recognizer
+from vqa_state.scores import Objective
+from vqa_state.tuning import recognizer_path
+
+runner = CliRunner()
+QUICK = ["--population", "30", "--generations", "5"]
+
+
+def by_pixels(image, question):
+    seen = hashlib.sha256(image.tobytes() + question.encode()).digest()[0]
+    return Answer(("yes", "no", "door")[seen % 5 % 3])
+
+
+@pytest.fixture
+def scripted_model(registry):
+    models.register("scripted", lambda: ScriptedModel(by_pixels))
+
+
+@pytest.fixture
+def photos(tmp_path):
+    for number in range(16):
+        folder = tmp_path / "photos" / ("open" if number % 2 else "closed")
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"{number}.png").write_bytes(picture(number))
+    (tmp_path / "photos" / "open" / "text.jpg").write_text("no picture")
+    return tmp_path / "photos"
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run a command; give back exit code, stdout and stderr."""
+
+    def call(*arguments):
+        monkeypatch.setattr("sys.argv", ["vqa_state", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        shown = capsys.readouterr()
+        return ended.value.code or 0, shown.out, shown.err
+
+    return call
+
+
+@pytest.fixture
+def folder(run, tmp_path, photos, scripted_model):
+    folder = tmp_path / "project"
+    assert run("new", folder, "--name", "door")[0] == 0
+    assert run("add", folder, photos)[0] == 0
+    assert run("ask", folder, "--model", "scripted", "--copies", 2)[0] == 0
+    return folder
+
+
+def test_the_whole_road(run, tmp_path, folder, photos):
+    code, out, _ = run("optimize", folder, *QUICK, "--seed", 3, "--json")
+    document = json.loads(out)
+    names = [row["subset"] for row in document["subsets"]]
+    assert (code, names[:4]) == (0, ["s+", "s'+", "s-", "s'-"])
+    code, out, _ = run("report", folder, "--csv", tmp_path / "csv")
+    assert code == 0
+    assert "Is the door open?" in out
+    assert (tmp_path / "csv" / "scores.csv").exists()
+    code, out, _ = run("export", folder, tmp_path / "r.json", "--objective", "s-")
+    assert (code, Recognizer.load(tmp_path / "r.json").origin.objective) == (0, Objective.S_MINUS)
+    code, out, _ = run("recognize", tmp_path / "r.json", photos / "open" / "1.png", "--json")
+    verdict = json.loads(out)[0]
+    assert verdict["state"] in {"positive", "negative", "unknown"}
+    assert code == (3 if verdict["state"] == "unknown" else 0)
+    assert verdict["milliseconds"] > 0
+
+
+def test_tune_twice_gives_the_same_bytes_and_asks_nothing_again(run, folder):
+    run("optimize", folder, *QUICK)
+    code, _, err = run("tune", folder)
+    first = recognizer_path(Project.open(folder), Objective.S_PLUS).read_bytes()
+    assert code == 0
+    assert "0 of 512 answers asked" in err
+    run("tune", folder)
+    assert recognizer_path(Project.open(folder), Objective.S_PLUS).read_bytes() == first
+
+
+def test_add_reports_refused_files_and_goes_on(run, tmp_path, photos):
+    run("new", tmp_path / "p", "--name", "door")
+    code, out, err = run("add", tmp_path / "p", photos, "--json")
+    document = json.loads(out)
+    assert (code, len(document["added"])) == (0, 16)
+    assert "text.jpg" in err
+    assert "not a picture" in document["refused"][0]["reason"]
+    assert len(json.loads(run("add", tmp_path / "p", photos, "--json")[1])["already_there"]) == 16
+
+
+def test_labels_and_sides_by_hand(run, folder):
+    images = json.loads(run("label", folder, "--json")[1])
+    one = images[0]["id"]
+    run("label", folder, one[:10], "--state", "open", "--split", "unused")
+    image = Project.open(folder).images[one]
+    assert (image.label, image.split) == (1, "unused")
+    run("label", folder, "--divide", "0.75")
+    sides = [image.split for image in Project.open(folder).images.values()]
+    assert sides.count("train") == 5 + 6  # of 7 closed and 8 open ones
+    run("label", folder, one, "--state", "none")
+    assert Project.open(folder).images[one].label is None
+
+
+def test_grid_by_options(run, folder):
+    arguments = ["--wording", "water | in {article} sink", "--phrase", "running"]
+    own = ["--yes-negative", "Is the sink dry?", "--off", "Is water running in a sink?"]
+    document = json.loads(run("grid", folder, *arguments, *own, "--json")[1])
+    texts = [question["text"] for question in document["questions"]]
+    assert "Is water not running in the sink?" in texts
+    assert document["switched_off"] == ["Is water running in a sink?"]
+    assert {"text": "Is the sink dry?", "yes_means": -1} in document["questions"]
+    assert len(texts) == 16
+
+
+def test_every_setting_is_kept_and_used(run, folder):
+    settings = {"crossover": 0.6, "mutation": 0.3, "bit-flip": 0.1, "tournament": 3, "alpha": 50}
+    options = [part for key, value in settings.items() for part in (f"--{key}", value)]
+    code, _, _ = run("optimize", folder, *QUICK, *options, "--beta", 0.2, "--seed", 9)
+    assert code == 0
+    project = Project.open(folder)
+    recognizer = Recognizer.load(recognizer_path(project, Objective.S_PLUS))
+    assert recognizer.origin.settings == project.search
+    assert (project.search.crossover, project.search.tournament) == (0.6, 3)
+    assert (recognizer.origin.weights.alpha, recognizer.origin.weights.beta) == (50, 0.2)
+    assert recognizer.origin.seed == 9
+
+
+def test_cost_asks_nothing(run, folder):
+    code, out, _ = run("ask", folder, "--cost", "--copies", 3)
+    assert code == 0
+    assert "16 images × 3 copies × 16 questions = 768 calls, 512 in the store, 256 to ask" in out
+    assert Project.open(folder).augmentation.n_copies == 2
+
+
+def test_failed_calls_are_said_and_asked_again(run, folder, registry):
+    registry["scripted"] = lambda: ScriptedModel(
+        lambda image, q: Failure("busy") if "Does" in q else by_pixels(image, q),
+        fingerprint="scripted/2",
+    )
+    code, out, _ = run("ask", folder)
+    assert code == 3
+    assert "256 failed (busy): run it again" in out
+    registry["scripted"] = lambda: ScriptedModel(by_pixels, fingerprint="scripted/2")
+    code, out, _ = run("ask", folder)
+    assert (code, "256 of 512 answers asked" in out) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        (["ask", "nowhere"], 1, "holds no project"),
+        (["ask", "{folder}", "--model", "gpt"], 1, "unknown model 'gpt'; choose one of"),
+        (["ask", "{folder}", "--copies", "0"], 2, "--copies"),
+        (["optimize", "{folder}", "--beta", "2"], 2, "beta must be"),
+        (["report", "{folder}"], 1, "run `python -m vqa_state optimize`"),
+        (["export", "{folder}", "x.json"], 1, "run `python -m vqa_state optimize`"),
+        (["label", "{folder}", "no-such", "--state", "open"], 1, "no image is named 'no-such'"),
+        (["add", "{folder}", "no-such"], 1, "check the path"),
+        (["add", "{folder}", "{folder}", "--state", "ajar"], 1, "'ajar' is no state"),
+        (["new", "{folder}", "--name", "x"], 1, "holds a project already"),
+        (["grid", "{folder}", "--wording", "water | in sink"], 1, "must hold {article} once"),
+        (["recognize", "none.json", "x.png"], 1, "check the path"),
+    ],
+)
+def test_mistakes_end_in_a_sentence(run, folder, arguments, code, sentence):
+    given = [argument.replace("{folder}", str(folder)) for argument in arguments]
+    ended, _, err = run(*given)
+    assert ended == code
+    assert sentence in " ".join(err.split())
+    assert "Traceback" not in err
+
+
+def test_every_command_has_help():
+    for name in [
+        "new",
+        "add",
+        "label",
+        "grid",
+        "ask",
+        "optimize",
+        "tune",
+        "report",
+        "export",
+        "recognize",
+    ]:
+        shown = runner.invoke(cli.app, [name, "--help"])
+        assert shown.exit_code == 0
+        assert "Usage:" in shown.output

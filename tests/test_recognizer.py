@@ -1,0 +1,211 @@
+"""The file: same choice, same bytes; damage, newer versions and unknown fields are refused."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from conftest import draw, encode
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from vqa_state.answers import Answer
+from vqa_state.augment import AugmentationKind
+from vqa_state.errors import ImageError, ModelError, RecognizerError
+from vqa_state.models.base import Failure
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.recognizer import (
+    Copies,
+    ModelReference,
+    Origin,
+    Recognizer,
+    ScoreRecord,
+    Scores,
+    States,
+    WeightedQuestion,
+    read_recognizer,
+)
+from vqa_state.scores import Objective, ObjectiveWeights
+from vqa_state.search.genetic import SearchSettings
+from vqa_state.verdict import State, Vote
+
+QUESTIONS = ("Is this door open?", "Is this door closed?", "Is the inside visible?")
+
+
+def recognizer(**changes) -> Recognizer:
+    record = ScoreRecord(n_recognized=9, n_images=10, R_ave=0.8, R_invalid=0.1)
+    fields = {
+        "name": "door",
+        "states": States(positive="open", negative="closed"),
+        "model": ModelReference(name="scripted", fingerprint="scripted/1"),
+        "copies": Copies(kind=AugmentationKind.RGB_SHIFT, amount=0.1, n_copies=2, seed=0),
+        "questions": (
+            WeightedQuestion(text=QUESTIONS[0], yes_means=1),
+            WeightedQuestion(text=QUESTIONS[1], yes_means=-1),
+            WeightedQuestion(text=QUESTIONS[2], yes_means=1),
+        ),
+        "origin": Origin(
+            objective=Objective.S_PLUS,
+            weights=ObjectiveWeights(),
+            settings=SearchSettings(),
+            seed=0,
+            generations=200,
+            finished=True,
+        ),
+        "scores": Scores(train=record, test=None),
+        "calls_per_image": 6,
+    }
+    return Recognizer(**(fields | changes))
+
+
+def saying(**said: str) -> ScriptedModel:
+    texts = dict(zip(QUESTIONS, said.values(), strict=True))
+    return ScriptedModel(lambda _, question: Answer(texts[question]))
+
+
+def test_round_trip_gives_the_same_bytes(tmp_path):
+    one = recognizer()
+    one.save(tmp_path / "r.json")
+    again = Recognizer.load(tmp_path / "r.json")
+    assert again.to_bytes() == one.to_bytes() == (tmp_path / "r.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("said", "state", "n_positive", "n_negative", "n_invalid"),
+    [
+        (("yes", "no", "yes"), State.POSITIVE, 6, 0, 0),
+        (("no", "yes", "yes"), State.NEGATIVE, 2, 4, 0),
+        (("yes", "yes", "none"), State.UNKNOWN, 2, 2, 2),  # a tie
+        (("none", "door", "open"), State.UNKNOWN, 0, 0, 6),  # no answer
+        (("yes", "none", "none"), State.POSITIVE, 2, 0, 4),  # invalid answers do not vote
+    ],
+)
+def test_verdict(said, state, n_positive, n_negative, n_invalid):
+    model = saying(a=said[0], b=said[1], c=said[2])
+    verdict = recognizer().recognize(draw(1), model)
+    assert verdict.state is state
+    counted = (verdict.n_positive, verdict.n_negative, verdict.n_invalid)
+    assert counted == (n_positive, n_negative, n_invalid)
+    assert verdict.n_calls == len(verdict.votes) == 6
+    assert verdict.reason
+
+
+def test_weights_and_threshold_decide():
+    questions = (
+        WeightedQuestion(text=QUESTIONS[0], yes_means=1, weight=5),
+        WeightedQuestion(text=QUESTIONS[1], yes_means=-1),
+        WeightedQuestion(text=QUESTIONS[2], yes_means=1),
+    )
+    model = saying(a="yes", b="yes", c="no")
+    assert recognizer(questions=questions).recognize(draw(1), model).state is State.POSITIVE
+    strict = recognizer(questions=questions, threshold=0.9)
+    assert strict.recognize(draw(1), model).state is State.NEGATIVE
+
+
+@given(st.lists(st.tuples(st.sampled_from(QUESTIONS), st.sampled_from([-1, 0, 1])), max_size=40))
+def test_paper_vote_is_a_majority_of_integers(pairs):
+    votes = [Vote(text, 0, Answer("x"), speaks_for) for text, speaks_for in pairs]
+    balance = sum(vote.speaks_for for vote in votes)
+    expected = {1: State.POSITIVE, -1: State.NEGATIVE, 0: State.UNKNOWN}
+    assert recognizer().verdict(votes).state is expected[(balance > 0) - (balance < 0)]
+
+
+def test_path_bytes_and_picture_give_the_same_votes(tmp_path):
+    model = ScriptedModel(
+        lambda image, question: Answer("yes" if sum(image.getpixel((3, 3))) % 2 else "no")
+    )
+    (tmp_path / "picture.png").write_bytes(encode(draw(4)))
+    forms = (tmp_path / "picture.png", str(tmp_path / "picture.png"), encode(draw(4)), draw(4))
+    votes = [recognizer().recognize(form, model).votes for form in forms]
+    assert votes[1:] == votes[:-1]
+
+
+def test_grey_frame_is_read():
+    model = saying(a="yes", b="no", c="yes")
+    assert recognizer().recognize(Image.new("L", (1, 1)), model).state is State.POSITIVE
+
+
+def test_failed_call_is_an_error_never_a_verdict():
+    model = ScriptedModel(lambda _, q: Failure("timed out") if q == QUESTIONS[1] else Answer("yes"))
+    with pytest.raises(ModelError, match=r"2 of 6 calls to scripted failed \(timed out\)"):
+        recognizer().recognize(draw(1), model)
+
+
+def test_another_model_is_refused():
+    model = ScriptedModel(lambda *_: Answer("yes"), fingerprint="scripted/2")
+    with pytest.raises(RecognizerError, match=r"chosen for 'scripted/1'.*optimize"):
+        recognizer().recognize(draw(1), model)
+
+
+def test_model_is_loaded_by_name_and_kept(registry):
+    made = []
+
+    def factory():
+        made.append(saying(a="yes", b="no", c="yes"))
+        return made[-1]
+
+    registry["scripted"] = factory
+    one = recognizer()
+    one.recognize(draw(1))
+    one.recognize(draw(2))
+    assert len(made) == 1
+
+
+def test_unreadable_picture(tmp_path):
+    with pytest.raises(ImageError, match="check the path"):
+        recognizer().recognize(tmp_path / "none.png", saying(a="yes", b="no", c="yes"))
+
+
+def changed(**changes) -> bytes:
+    """A file with other content whose digest does not know of it."""
+    return json.dumps(json.loads(recognizer().to_bytes()) | changes).encode()
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (b"", "is no JSON file or is damaged"),
+        (b"[" * 100_000, "is no JSON file or is damaged"),
+        (b"\xff\xfe", "is no JSON file or is damaged"),
+        (b"[]", "is no recognizer file"),
+        (b'{"schema_version": "1"}', "is no recognizer file"),
+        (changed(schema_version=2), "schema version 2; this program reads up to 1"),
+        (changed(threshold=0.6), "digest does not fit"),
+        (changed(name="other"), "digest does not fit"),
+        (changed(surprise=1), "cannot be used at surprise"),
+        (changed(threshold=1.5), "cannot be used at threshold"),
+        (changed(questions=[]), "cannot be used at questions"),
+        (changed(calls_per_image=7), "calls_per_image must be copies × questions = 6"),
+        (changed(parser_version=99), "cannot be used at parser_version"),
+        (b" " * 6_000_000, "has more than 5 MB"),
+    ],
+)
+def test_bad_files_are_refused_with_a_sentence(data, sentence):
+    with pytest.raises(RecognizerError, match=sentence):
+        read_recognizer(data, "r.json")
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(RecognizerError, match="check the path"):
+        Recognizer.load(tmp_path / "none.json")
+
+
+def test_every_changed_character_is_found():
+    data = recognizer().to_bytes()
+    for position in range(0, len(data) - 70, 7):
+        if chr(data[position]).isalnum():
+            other = b"0" if data[position : position + 1] != b"0" else b"1"
+            with pytest.raises(RecognizerError):
+                read_recognizer(data[:position] + other + data[position + 1 :], "r.json")
+
+
+def test_loading_needs_neither_gradio_nor_a_search_library(tmp_path):
+    recognizer().save(tmp_path / "r.json")
+    code = (
+        "import sys\nfrom vqa_state.recognizer import Recognizer\n"
+        f"Recognizer.load({str(tmp_path / 'r.json')!r})\n"
+        "print({'gradio', 'deap', 'torch', 'pandas'} & set(sys.modules))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "set()"

@@ -1,0 +1,148 @@
+"""From answers to recognizers: repeatable, honest about test images, and true to the table."""
+
+import dataclasses
+import hashlib
+
+import pytest
+
+from vqa_state.answers import Answer
+from vqa_state.asking import ask
+from vqa_state.errors import NothingToSearchError
+from vqa_state.evaluation import Candidate
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.recognizer import Recognizer
+from vqa_state.report import comparison_sentences, image_answers, question_frame, score_frame
+from vqa_state.scores import Objective
+from vqa_state.search.genetic import SearchSettings
+from vqa_state.splits import Split
+from vqa_state.tuning import optimize, recognizer_path, results
+from vqa_state.verdict import State
+
+SMALL = SearchSettings(population=40, generations=8)
+
+
+def by_pixels(image, question):
+    """Answers that differ by picture, copy and question, with some invalid ones among them."""
+    seen = hashlib.sha256(image.tobytes() + question.encode()).digest()[0]
+    return Answer(("yes", "no", "door")[seen % 5 % 3])
+
+
+@pytest.fixture
+def model():
+    return ScriptedModel(by_pixels)
+
+
+@pytest.fixture
+def asked(make_project, model):
+    """A project whose questions were all asked."""
+    project = make_project(n_train=4, n_test=4)
+    project.search = SMALL
+    project.model, project.fingerprint = model.name, model.fingerprint
+    list(ask(project, model))
+    project.save()
+    return project
+
+
+def tuned(project):
+    reports = list(optimize(project))
+    return reports, results(project)
+
+
+def test_all_objectives_walk_together(asked):
+    reports, found = tuned(asked)
+    assert [report.generation for report in reports] == list(range(SMALL.generations + 1))
+    assert set(found.searches) == set(Objective)
+    assert all(one.finished and len(one.curve) == 9 for one in found.searches.values())
+
+
+def test_recognizing_the_test_images_gives_the_test_table(asked, model):
+    _, found = tuned(asked)
+    for objective in Objective:
+        row = next(r for r in found.evaluation.rows if r.name == Candidate(objective.value))
+        recognizer = Recognizer.load(recognizer_path(asked, objective))
+        verdicts = {
+            image: recognizer.recognize(asked.image_path(image), model)
+            for image in asked.labelled(Split.TEST)
+        }
+        states = {1: State.POSITIVE, -1: State.NEGATIVE}
+        right = sum(verdict.state is states[i.label] for i, verdict in verdicts.items())
+        n_invalid = sum(verdict.n_invalid for verdict in verdicts.values())
+        n_calls = sum(verdict.n_calls for verdict in verdicts.values())
+        assert right == row.test.n_recognized
+        assert n_invalid / n_calls == pytest.approx(row.test.R_invalid)
+        assert recognizer.scores.test.n_recognized == row.test.n_recognized
+        assert len(recognizer.questions) == row.test.n_used
+
+
+def test_twice_gives_the_same_bytes(asked):
+    tuned(asked)
+    first = {o: recognizer_path(asked, o).read_bytes() for o in Objective}
+    tuned(asked)
+    assert first == {o: recognizer_path(asked, o).read_bytes() for o in Objective}
+
+
+def test_adding_in_another_order_gives_the_same_bytes(asked, tmp_path, model):
+    tuned(asked)
+    other = dataclasses.replace(asked, images=dict(reversed(asked.images.items())))
+    first = recognizer_path(asked, Objective.S_PLUS).read_bytes()
+    tuned(other)
+    assert first == recognizer_path(other, Objective.S_PLUS).read_bytes()
+
+
+def test_test_labels_never_change_what_is_chosen(asked):
+    _, before = tuned(asked)
+    for image in asked.labelled(Split.TEST):
+        asked.set_labels([image.id], -image.label)
+    _, after = tuned(asked)
+    subsets = [{o: one.subset for o, one in found.searches.items()} for found in (before, after)]
+    assert subsets[0] == subsets[1]
+    assert question_frame(before.train).equals(question_frame(after.train))
+
+
+def test_changed_training_label_makes_results_stale(asked):
+    tuned(asked)
+    image = asked.labelled(Split.TRAIN)[0]
+    asked.set_labels([image.id], -image.label)
+    assert results(asked) is None
+
+
+def test_damaged_search_counts_as_none(asked):
+    tuned(asked)
+    (asked.folder / "searches" / "s_plus.json").write_text("{")
+    assert results(asked) is None
+
+
+def test_stop_keeps_the_best_and_says_so(asked):
+    stops = iter([False, False, True])
+    reports = list(optimize(asked, lambda: next(stops)))
+    assert reports[-1].generation == 2
+    recognizer = Recognizer.load(recognizer_path(asked, Objective.S_PLUS))
+    assert (recognizer.origin.finished, recognizer.origin.generations) == (False, 2)
+
+
+def test_without_test_images_the_report_says_so(asked):
+    asked.set_splits([image.id for image in asked.labelled(Split.TEST)], Split.UNUSED)
+    _, found = tuned(asked)
+    assert found.test is None
+    assert "no test images" in comparison_sentences(found.evaluation)[0]
+    assert score_frame(found.evaluation)["test_n_recognized"].isna().all()
+    assert Recognizer.load(recognizer_path(asked, Objective.S_PLUS)).scores.test is None
+
+
+def test_one_state_only_is_refused(asked):
+    asked.set_labels([i.id for i in asked.labelled(Split.TRAIN)], 1)
+    with pytest.raises(NothingToSearchError):
+        next(optimize(asked))
+
+
+def test_without_answers_the_error_says_what_to_do(project):
+    with pytest.raises(NothingToSearchError, match="ask the model first"):
+        next(optimize(project))
+
+
+def test_raw_answers_of_an_image(asked):
+    image = asked.labelled(Split.TRAIN)[0]
+    text = asked.questions()[0].text
+    answers = image_answers(asked, image.id, {text})
+    assert [answer.copy for answer in answers] == [0, 1]
+    assert all(answer.text in {"yes", "no", "door"} for answer in answers)
