@@ -35,14 +35,19 @@ class Answer:
     """One answer of a model: its raw text, and how sure it was.
 
     `p_yes` is P(yes) / (P(yes) + P(no)) in [0, 1], or None where the model has no probabilities.
+    Half surrogates in the text, which no file can hold, become "?".
     """
 
     text: str
     p_yes: float | None = None
 
     def __post_init__(self) -> None:
-        if self.p_yes is not None and not 0.0 <= self.p_yes <= 1.0:
+        object.__setattr__(self, "text", self.text.encode("utf-8", "replace").decode())
+        if self.p_yes is None:
+            return
+        if not 0.0 <= self.p_yes <= 1.0:
             raise ValueError(f"p_yes must be in [0, 1] or None, got {self.p_yes}")
+        object.__setattr__(self, "p_yes", float(self.p_yes))  # not a scalar of an array library
 
     @property
     def reading(self) -> Reading:
@@ -56,23 +61,26 @@ class Answer:
 
 _YES = frozenset({"yes", "yeah", "yep", "yup", "true", "correct"})
 _NO = frozenset({"no", "nope", "nah", "false", "incorrect"})
-_THINKING = re.compile(r"<think>.*?</think>", re.DOTALL)
 _TAG = re.compile(r"<[^<>]*>")
-_ROLE = re.compile(r"^\W*(?:assistant|answer|a)\s*[:\-]\s*")
+_ROLE = re.compile(r"^\W*(?:assistant|answer|a)\s*[:\-\n]\s*")
 _WORD = re.compile(r"[^\W_]+(?:['-][^\W_]+)*")
 _SET_OFF = re.compile(r"\s*(?:[.,;:!\n]|[–—]|-\s)")
 _HEDGE = re.compile(
-    r"\b(?:not (?:really )?(?:sure|certain|clear|possible to)|unsure|uncertain|unclear|unknown"
-    r"|maybe|perhaps|possibly|probably|likely|might be|could be|hard to (?:tell|say)"
-    r"|yes (?:or|and) no|unable to|(?:cannot|can't|can not|couldn't|could not|don't|do not) "
-    r"(?:really )?(?:be )?(?:tell|say|see|know|judge|answer|determined?|decide))\b"
+    r"\b(?:not (?:\S+ )?(?:sure|certain)|not (?:really )?(?:clear|possible to)|unsure|uncertain"
+    r"|unclear|unknown|maybe|perhaps|possibly|probably|likely|might be|could be"
+    r"|(?:hard|difficult|impossible) to (?:tell|say|see|know|judge|answer|determine|decide)"
+    r"|(?:yes|no),? (?:or|and) (?:no|yes)|unable to|no (?:idea|clue)|(?:don't|do not) know"
+    r"|(?:cannot|can't|can not|couldn't|could not) (?:really )?(?:be )?"
+    r"(?:tell|say|see|know|judge|answer|determined?|decided?))\b"
 )
+_NOBODY = re.compile(r"\W*no one\b")
 
 
 def read_answer(text: str) -> Reading:
     """Read a clear yes or no out of free text; never guess from content words.
 
-    Tags, a model's thinking and a leading "Answer:" are dropped. The first word must be yes- or
+    Tags, a model's thinking and a leading "Answer:" are dropped; thinking that was cut off before
+    its end leaves no answer. The first word must be yes- or
     no-like as a whole word ("None", "Not sure", "Now closed" are not "no"); a hedge anywhere makes
     the answer invalid; when both yes and no occur, the first counts only if punctuation sets it
     off and a sentence follows. "Open" or "closed" alone is invalid: what it says depends on the
@@ -81,7 +89,7 @@ def read_answer(text: str) -> Reading:
     plain = _plain(text)
     words = _WORD.findall(plain)
     said = [_yes_or_no(word) for word in words]
-    if not said or said[0] is None or _HEDGE.search(plain):
+    if not said or said[0] is None or _HEDGE.search(plain) or _NOBODY.match(plain):
         return Reading.INVALID
     if len({reading for reading in said if reading}) == 1:
         return said[0]
@@ -93,8 +101,9 @@ def read_answer(text: str) -> Reading:
 
 
 def _plain(text: str) -> str:
-    plain = unicodedata.normalize("NFKC", text).replace("’", "'").lower()
-    return _ROLE.sub("", _TAG.sub(" ", _THINKING.sub(" ", plain)).strip())
+    plain = unicodedata.normalize("NFKC", text).replace("’", "'").replace("‐", "-").lower()
+    plain = plain.rpartition("</think>")[2].partition("<think>")[0]
+    return _ROLE.sub("", _TAG.sub(" ", plain).strip())
 
 
 def _yes_or_no(word: str) -> Reading | None:
@@ -124,7 +133,8 @@ class AnswerTable:
     labels: npt.NDArray[np.int8]
 
     def __post_init__(self) -> None:
-        shape = (len(self.image_ids), self.n_copies, len(self.questions))
+        n_copies = self.verdicts.shape[1] if self.verdicts.ndim == 3 else -1
+        shape = (len(self.image_ids), n_copies, len(self.questions))
         if self.verdicts.shape != shape or self.p_positive.shape != shape:
             raise ValueError(
                 f"verdicts and p_positive must have shape (n_images, n_copies, n_questions) = "

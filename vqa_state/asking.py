@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from vqa_state.answers import MISSING, Answer, AnswerTable
-from vqa_state.augment import copy_of
+from vqa_state.augment import Augmentation, AugmentationKind, copy_of
 from vqa_state.errors import ImageError, ModelError, NothingToSearchError
 from vqa_state.images import pixel_hash, read_picture
 from vqa_state.models.base import Failure, Reply, VQAModel
@@ -29,7 +29,10 @@ _BITE_SECONDS = 0.5
 
 @dataclass(frozen=True, slots=True)
 class AskPlan:
-    """What asking will cost: one call is one question about one copy of one image."""
+    """What asking will cost: one call is one question about one copy of one image.
+
+    Files with the same pixels are one image here: they share their answers.
+    """
 
     n_images: int
     n_copies: int
@@ -106,7 +109,8 @@ def ask(
     Args:
         project: its labelled train and test images and its questions; read once, at the start.
         model: every answer is stored under its fingerprint.
-        stop: asked after every reply; once True, what came is stored and the run ends.
+        stop: asked before every image and after every reply; once True, what came is stored and
+            the run ends.
 
     Yields:
         One report at the start, one after every stored bite.
@@ -119,13 +123,14 @@ def ask(
     images, questions = _asked_about(project)
     began = time.monotonic()
     with AnswerStore(project.store_path) as store:
-        jobs = list(_jobs(project, images, questions, store, model.fingerprint))
+        fingerprint = model.fingerprint
+        jobs = list(_jobs(project, images, questions, store, fingerprint))
         n_calls = len(images) * project.augmentation.n_copies * len(questions)
         progress = AskProgress(n_calls, n_calls - sum(len(job.questions) for job in jobs))
         yield progress
         for image_jobs in _by_image(jobs):
             for bite in _replies(project, model, image_jobs, stop):
-                store.save(model.fingerprint, bite.answers)
+                store.save(fingerprint, bite.answers)
                 progress = bite.added_to(progress, time.monotonic() - began, stop())
                 yield progress
             if stop():
@@ -188,7 +193,8 @@ def _asked_about(project: Project) -> tuple[tuple[LabelledImage, ...], tuple[Que
             f"the project {project.name!r} has no labelled image on the train or the test side; "
             "add images and give each a state"
         )
-    return images, project.questions()
+    distinct = {image.pixel_hash: image for image in reversed(images)}
+    return tuple(reversed(distinct.values())), project.questions()
 
 
 def _jobs(
@@ -234,6 +240,8 @@ def _replies(
     project: Project, model: VQAModel, jobs: Sequence[_Job], stop: Callable[[], bool]
 ) -> Iterator[_Bite]:
     """All that the model says about the copies of one image, a bite at a time."""
+    if stop():
+        return
     questions = jobs[0].questions
     open_pairs = {(i, q) for i in range(len(jobs)) for q in range(len(questions))}
     reason = "the model gave no reply to this question"
@@ -264,6 +272,7 @@ def _sort_in(reply: Reply, bite: _Bite, key: CopyKey, question: str) -> None:
 
 
 def _copies(project: Project, jobs: Sequence[_Job]) -> list[Image.Image]:
+    """Made from the keys under which the answers go: the project may change meanwhile."""
     image = jobs[0].image
     pixels = read_picture(project.read(image)).pixels
     if pixel_hash(pixels) != image.pixel_hash:
@@ -271,6 +280,12 @@ def _copies(project: Project, jobs: Sequence[_Job]) -> list[Image.Image]:
             f"{image.name} is decoded differently here than where it was added; add it again"
         )
     return [
-        copy_of(pixels, image.pixel_hash, project.augmentation, project.seed, job.key.number)
-        for job in jobs
+        copy_of(
+            pixels,
+            key.pixel_hash,
+            Augmentation(AugmentationKind(key.kind), key.amount),
+            key.seed,
+            key.number,
+        )
+        for key in (job.key for job in jobs)
     ]

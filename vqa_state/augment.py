@@ -87,7 +87,8 @@ def _gaussian_noise(
     key = int.from_bytes(_digest(seed, pixel_hash, number, "noise")[:16], "big")
     words = np.random.Philox(key=key).random_raw(-(-values.size // 4))
     draws = words.astype("<u8").view("<u2")[: values.size].reshape(values.shape)
-    noise = np.floor(_normal_quantiles()[draws] * 255 * amount + 0.5).astype(np.int32)
+    steps = np.floor(_normal_quantiles() * 255 * amount + 0.5).astype(np.int16)
+    noise = steps[draws]  # (height, width, 3), at most ±1100
     return Image.fromarray((values + noise).clip(0, 255).astype(np.uint8))
 
 

@@ -24,13 +24,20 @@ __all__ = [
 
 MAX_BYTES = 30_000_000
 MAX_PIXELS = 64_000_000
-_SUFFIXES = {"JPEG": "jpg", "PNG": "png", "WEBP": "webp", "BMP": "bmp", "HEIF": "heic"}
+_SUFFIXES = {
+    "JPEG": "jpg",
+    "MPO": "jpg",
+    "PNG": "png",
+    "WEBP": "webp",
+    "BMP": "bmp",
+    "HEIF": "heic",
+}
 _THUMBNAIL_SIDE = 256
 
 # What Pillow raises on damaged files, seen in its own issue tracker: not only OSError.
 _DAMAGE = (
     OSError, SyntaxError, ValueError, EOFError, KeyError, IndexError, TypeError, OverflowError,
-    RuntimeError, struct.error, zlib.error,
+    RuntimeError, MemoryError, struct.error, zlib.error,
 )  # fmt: skip
 
 
@@ -77,8 +84,8 @@ def read_picture(data: bytes) -> Picture:
     """
     if len(data) > MAX_BYTES:
         raise ImageError(
-            f"the file has {len(data) / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are read: "
-            "save it smaller and add it again"
+            f"the file has more than {MAX_BYTES / 1e6:.0f} MB, the most that is read: save it "
+            "smaller and add it again"
         )
     try:
         opened = _open(data)

@@ -5,6 +5,7 @@ recognizers/ and thumbnails/. No path is made of a user's text.
 """
 
 import hashlib
+import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -40,7 +41,7 @@ class StateNames:
     def __post_init__(self) -> None:
         object.__setattr__(self, "positive", clean_text(self.positive, "the first state's name"))
         object.__setattr__(self, "negative", clean_text(self.negative, "the second state's name"))
-        if self.positive.casefold() == self.negative.casefold():
+        if _folded(self.positive) == _folded(self.negative):
             raise ProjectError(
                 f"both states are called {self.positive!r}; give them two different names"
             )
@@ -51,8 +52,8 @@ class StateNames:
 
     def label(self, name: str) -> int | None:
         """+1 or -1 for a state's name in any case, None for another word."""
-        known = {self.positive.casefold(): 1, self.negative.casefold(): -1}
-        return known.get(" ".join(name.casefold().split()))
+        known = {_folded(self.positive): 1, _folded(self.negative): -1}
+        return known.get(_folded(" ".join(name.split())))
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +161,14 @@ class Project:
                 "again and repeat the last step"
             )
         fields = {k: getattr(self, k) for k in _File.model_fields if k != "schema_version"}
-        content = _File(**(fields | {"images": tuple(self.images.values())}))
+        try:
+            content = _File(**(fields | {"images": tuple(self.images.values())}))
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise ProjectError(
+                f"the project was not saved: {'.'.join(map(str, first['loc']))} cannot be "
+                f"{first['input']!r} ({first['msg']}); give another value"
+            ) from error
         data = (content.model_dump_json(indent=1) + "\n").encode()
         write_atomically(path, data)
         self._seen = _digest(data)
@@ -192,7 +200,8 @@ class Project:
     def add(self, data: bytes, name: str, label: int | None = None) -> Added:
         """Keep a picture's bytes under their SHA-256.
 
-        Bytes that the project has already are the same image; a new label replaces its old one.
+        Bytes that the project has already are the same image; a new label replaces its old one,
+        and a file that is gone or damaged is written again.
 
         Raises:
             ImageError: if the picture cannot be read or the project is full.
@@ -200,6 +209,7 @@ class Project:
         """
         image_id = content_hash(data)
         if image_id in self.images:
+            self._restore(self.images[image_id], data)
             if label is not None:
                 self.set_labels([image_id], label)
             return Added(self.images[image_id], is_new=False)
@@ -221,7 +231,7 @@ class Project:
 
     def remove(self, ids: Iterable[str]) -> None:
         """Take images out of the project, and their files; answers about them stay stored."""
-        for image in [self._image(image_id) for image_id in ids]:
+        for image in [self._image(image_id) for image_id in dict.fromkeys(ids)]:
             del self.images[image.id]
             self.image_path(image).unlink(missing_ok=True)
             self._thumbnail_path(image).unlink(missing_ok=True)
@@ -304,6 +314,12 @@ class Project:
             raise ImageError(f"the file of {image.name} has changed; add the picture again")
         return data
 
+    def _restore(self, image: LabelledImage, data: bytes) -> None:
+        try:
+            self.read(image)
+        except ImageError:
+            write_atomically(self.image_path(image), data)
+
     def _thumbnail_path(self, image: LabelledImage) -> Path:
         return self.folder / "thumbnails" / f"{image.id}.webp"
 
@@ -338,7 +354,7 @@ class _File(BaseModel):
 def _parse(data: bytes, path: Path) -> _File:
     try:
         return _File.model_validate_json(data)
-    except QuestionError as error:
+    except (QuestionError, ProjectError) as error:
         raise ProjectError(f"{path} cannot be used: {error}") from error
     except ValidationError as error:
         first = error.errors()[0]
@@ -351,6 +367,11 @@ def _parse(data: bytes, path: Path) -> _File:
         raise ProjectError(
             f"{path} is damaged at {where or 'its start'}: {first['msg']}; restore it from a backup"
         ) from error
+
+
+def _folded(name: str) -> str:
+    """For comparing: without case, and with accents as one character (macOS writes two)."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 def _digest(data: bytes) -> str:

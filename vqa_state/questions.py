@@ -28,6 +28,9 @@ MAX_QUESTIONS = 1000
 """Each question costs a call for every copy of every image; beyond this a grid is a mistake."""
 
 MAX_TEXT = 300
+MAX_PART = 80
+"""Of a wording, a tail or a state phrase: so that no sentence made of them is too long."""
+
 _ARTICLE_SLOT = "{article}"
 
 
@@ -60,14 +63,20 @@ class Wording:
     tail: str | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "noun", clean_text(self.noun, "a wording"))
+        object.__setattr__(self, "noun", clean_text(self.noun, "a wording", MAX_PART))
+        if "|" in self.noun or _ARTICLE_SLOT in self.noun:
+            raise QuestionError(
+                f"the wording {self.noun!r} must be a plain noun; '|' stands between noun and tail,"
+                f" and {_ARTICLE_SLOT} in the tail, as in 'water | in {_ARTICLE_SLOT} sink'"
+            )
         if self.tail is None:
             return
-        tail = clean_text(self.tail, "a wording's tail")
-        if tail.count(_ARTICLE_SLOT) != 1 or tail.endswith(_ARTICLE_SLOT):
+        tail = clean_text(self.tail, "a wording's tail", MAX_PART)
+        before_last = tail.split()[:-1]
+        if tail.count(_ARTICLE_SLOT) != 1 or _ARTICLE_SLOT not in before_last:
             raise QuestionError(
                 f"the tail {tail!r} of the wording {self.noun!r} must hold {_ARTICLE_SLOT} once, "
-                f"followed by a noun, as in 'in {_ARTICLE_SLOT} sink'"
+                f"as a word of its own, followed by a noun, as in 'in {_ARTICLE_SLOT} sink'"
             )
         object.__setattr__(self, "tail", tail)
 
@@ -93,7 +102,7 @@ class StatePhrase:
     yes_means: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "text", clean_text(self.text, "a state phrase"))
+        object.__setattr__(self, "text", clean_text(self.text, "a state phrase", MAX_PART))
         check_polarity(self.yes_means, self.text)
 
 
@@ -177,7 +186,7 @@ def phrases_for(positive: str, negative: str | None = None) -> tuple[StatePhrase
     return StatePhrase(positive, 1), StatePhrase(negative or f"not {positive}", -1)
 
 
-def clean_text(text: str, what: str) -> str:
+def clean_text(text: str, what: str, longest: int = MAX_TEXT) -> str:
     """`text` with single spaces; it becomes part of a question, never of a path or a page.
 
     Raises:
@@ -186,8 +195,10 @@ def clean_text(text: str, what: str) -> str:
     plain = " ".join(text.split())
     if not plain:
         raise QuestionError(f"{what} is empty; type at least one word")
-    if len(plain) > MAX_TEXT:
-        raise QuestionError(f"{what} has {len(plain)} characters; at most {MAX_TEXT} are allowed")
+    if len(plain) > longest:
+        raise QuestionError(
+            f"{what} has {len(plain)} characters; at most {longest} are allowed: shorten it"
+        )
     if any(unicodedata.category(character) in {"Cc", "Cs"} for character in plain):
         raise QuestionError(f"{what} holds control characters: {plain!r}; type it again")
     return plain
@@ -224,12 +235,15 @@ def _a_or_an(noun: str) -> str:
     The `inflect` package knows no more of these and takes four seconds to import.
     """
     word = noun.split()[0]
-    if word.isupper() and word not in _SPOKEN_AS_A_WORD:
+    if word.isupper() and word[0].isalpha() and word not in _SPOKEN_AS_A_WORD:
         return "an" if word[0] in "AEFHILMNORSX" else "a"
     return "an" if _VOWEL_SOUND.match(word.lower()) else "a"
 
 
-_SPOKEN_AS_A_WORD = frozenset({"HEPA", "HVAC", "LAN", "LIDAR", "NAS", "RAM", "ROM", "SIM"})
+_SPOKEN_AS_A_WORD = frozenset(
+    {"HEPA", "LAN", "LASER", "LIDAR", "NAS", "RADAR", "RAM", "ROM", "SIM", "SONAR"}
+)
 _VOWEL_SOUND = re.compile(
-    r"(?:hour|honest|honou?r|heir|x-)|(?!uni(?:[^nm]|$)|us[aeiu]|ut[ei]|u[bk]|eu|ewe|one\b|once\b)[aeiou]"
+    r"hour|honest|honou?r|heir|[fhlmnrsx]-|8|1[18](?!\d)"
+    r"|(?!uni(?!dent|ll|m|n)|us[abeiu]|ut[eio]|u[bk-]|ur[ai]|eu|ewe|one\b|once\b)[aeiou]"
 )

@@ -7,6 +7,8 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
+import numpy as np
+
 __all__ = ["Split", "divide", "look_alikes"]
 
 LOOK_ALIKE_BITS = 4
@@ -28,15 +30,16 @@ def look_alikes(hashes: Mapping[str, str]) -> list[tuple[str, ...]]:
         hashes: perceptual hash of each id, as hex digits.
     """
     ids = list(hashes)
-    bits = [int(hashes[i], 16) for i in ids]
-    group_of = list(range(len(ids)))
+    bits = np.array([int(hashes[i], 16) for i in ids], np.uint64)
+    group_of = np.arange(len(ids))
     for later in range(len(ids)):
-        for earlier in range(later):
-            if (bits[later] ^ bits[earlier]).bit_count() <= LOOK_ALIKE_BITS:
-                old, new = group_of[later], group_of[earlier]
-                group_of = [new if group == old else group for group in group_of]
+        alike = np.bitwise_count(bits[:later] ^ bits[later]) <= LOOK_ALIKE_BITS
+        joined = np.unique(group_of[:later][alike])
+        if len(joined):
+            group_of[later] = joined[0]
+            group_of[np.isin(group_of, joined)] = joined[0]
     groups: dict[int, list[str]] = {}
-    for image_id, group in zip(ids, group_of, strict=True):
+    for image_id, group in zip(ids, group_of.tolist(), strict=True):
         groups.setdefault(group, []).append(image_id)
     return [tuple(group) for group in groups.values() if len(group) > 1]
 

@@ -67,8 +67,12 @@ class AnswerStore:
         self._path = path
         with self._explained():
             self._db = sqlite3.connect(path, timeout=30, isolation_level=None)
-        with self._explained():
-            self._prepare()
+        try:
+            with self._explained():
+                self._prepare()
+        except BaseException:
+            self.close()
+            raise
 
     def __enter__(self) -> "AnswerStore":
         return self
@@ -105,7 +109,7 @@ class AnswerStore:
                 " AND kind = ? AND amount = ? AND seed = ? AND number = ?",
                 (fingerprint, key.pixel_hash, key.kind, key.amount, key.seed, key.number),
             )
-            return {text: Answer(said, p_yes) for text, said, p_yes in rows if text in wanted}
+            return {text: _answer(said, p_yes) for text, said, p_yes in rows if text in wanted}
 
     def __len__(self) -> int:
         with self._explained():
@@ -159,6 +163,8 @@ class AnswerStore:
     def _explained(self) -> Iterator[None]:
         try:
             yield
+        except sqlite3.ProgrammingError:
+            raise  # our own mistake: a closed store, or another thread's
         except sqlite3.OperationalError as error:
             raise StoreError(
                 f"the answers in {self._path} cannot be read or written ({error}); nothing that "
@@ -169,3 +175,10 @@ class AnswerStore:
                 f"{self._path} is not an answer store or is damaged ({error}); restore it from a "
                 "backup, or move it away to ask all questions again"
             ) from error
+
+
+def _answer(text: str, p_yes: float | None) -> Answer:
+    try:
+        return Answer(text, p_yes)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise sqlite3.DatabaseError(f"row {text!r}, {p_yes!r}: {error}") from error

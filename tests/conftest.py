@@ -1,0 +1,91 @@
+"""Fixtures for all tests: small pictures, projects on disk, a model without a network."""
+
+import io
+
+import numpy as np
+import pytest
+from hypothesis import settings
+from PIL import Image
+
+from vqa_state import models
+from vqa_state.answers import Answer
+from vqa_state.augment import Augmentation
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.project import Project, StateNames
+from vqa_state.questions import QuestionGrid, Wording, phrases_for
+from vqa_state.splits import Split
+
+settings.register_profile("house", deadline=None)  # a busy machine is no failure
+settings.load_profile("house")
+
+
+def draw(number: int, size: tuple[int, int] = (32, 24)) -> Image.Image:
+    """A picture of random blocks; two numbers give two pictures that do not look alike."""
+    blocks = np.random.default_rng(number).integers(0, 256, (6, 8, 3), np.uint8)
+    return Image.fromarray(blocks).resize(size, Image.Resampling.NEAREST)
+
+
+def encode(pixels: Image.Image, kind: str = "PNG", **options) -> bytes:
+    out = io.BytesIO()
+    pixels.save(out, kind, **options)
+    return out.getvalue()
+
+
+def picture(number: int, kind: str = "PNG", **options) -> bytes:
+    """The bytes of a small picture file; another number gives another picture."""
+    return encode(draw(number), kind, **options)
+
+
+def say_yes(image, question):
+    """A script: yes to everything, with full certainty."""
+    return Answer("Yes", 1.0)
+
+
+@pytest.fixture
+def make_project(tmp_path):
+    """Factory: a saved project "door" with open and closed pictures on both sides.
+
+    The pictures are `picture(0)`, `picture(1)`, … in the order train open, train closed, test open,
+    test closed; the sizes are as small as a test can use.
+    """
+
+    def make(
+        folder="project", *, n_train=2, n_test=1, n_copies=2, wordings=("door",), seed=0
+    ) -> Project:
+        project = Project.create(tmp_path / folder, "door", StateNames("open", "closed"))
+        project.grid = QuestionGrid(
+            tuple(Wording.parse(line) for line in wordings), phrases_for("open", "closed")
+        )
+        project.augmentation = Augmentation(n_copies=n_copies)
+        project.seed = seed
+        number = 0
+        for split, count in ((Split.TRAIN, n_train), (Split.TEST, n_test)):
+            for label in (1, -1):
+                for _ in range(count):
+                    image = project.add(picture(number), f"{number}.png", label).image
+                    project.set_splits([image.id], split)
+                    number += 1
+        project.save()
+        return project
+
+    return make
+
+
+@pytest.fixture
+def project(make_project) -> Project:
+    """Two pictures of each state to train, one of each to test; 2 copies; 16 questions."""
+    return make_project()
+
+
+@pytest.fixture
+def scripted() -> ScriptedModel:
+    """A model that says yes to everything and remembers what it was asked."""
+    return ScriptedModel(say_yes)
+
+
+@pytest.fixture
+def registry(monkeypatch):
+    """A copy of the registry of models that is thrown away after the test."""
+    copy = dict(models._factories)
+    monkeypatch.setattr(models, "_factories", copy)
+    return copy
