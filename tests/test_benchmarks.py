@@ -71,3 +71,11 @@ def test_tables_repeat_and_look_like_a_models(load, n_questions):
     assert 0.5 < np.mean([s.R_ave for s in of_all]) < 0.9
     assert 0 < np.mean([s.R_invalid for s in of_all]) < 0.3
     assert all((c.labels == 1).sum() == 10 for c in drawn)
+
+
+def test_the_decision_names_a_command_that_exists(load, capsys):
+    text = (ROOT / "docs" / "decisions" / "0002-population-as-array.md").read_text(encoding="utf-8")
+    assert "`python -m benchmarks.search`" in text
+    with pytest.raises(SystemExit, match="0"):
+        load("search").main(["--help"])
+    assert "usage: python -m benchmarks.search" in capsys.readouterr().out
