@@ -11,7 +11,7 @@ from vqa_state.answers import AnswerTable
 from vqa_state.asking import answer_table
 from vqa_state.evaluation import Candidate, Evaluation, Interval, Row, paired_test
 from vqa_state.project import Project
-from vqa_state.scores import count, question_stats
+from vqa_state.scores import SubsetScore, count, question_stats
 from vqa_state.splits import Split
 from vqa_state.store import AnswerStore, copy_keys
 
@@ -19,6 +19,7 @@ __all__ = [
     "ImageAnswer",
     "comparison_frame",
     "comparison_sentences",
+    "heatmap",
     "image_answers",
     "question_frame",
     "score_frame",
@@ -75,17 +76,7 @@ def comparison_sentences(evaluation: Evaluation) -> list[str]:
     rivals = [rows[name] for name in (Candidate.S_ALL, Candidate.BEST_QUESTION)]
     if first.test is None:
         return ["There are no test images, so nothing here says how good it is on new ones."]
-    sentences = []
-    for rival in rivals:
-        assert rival.test is not None  # noqa: S101  # rows are scored on the same images
-        outcome = paired_test(first.test, rival.test)
-        difference = outcome.n_only_first - outcome.n_only_second
-        verdict = "beyond luck" if outcome.p_value < 0.05 else "cannot be told from luck"
-        sentences.append(
-            f"s+ recognizes {difference:+d} of {first.test.n_images} test images compared with "
-            f"{rival.name.value}; this {verdict} (p = {outcome.p_value:.2g})."
-        )
-    return sentences
+    return [_compared(first.test, rival.test, rival.name) for rival in rivals if rival.test]
 
 
 def image_answers(project: Project, image_id: str, texts: set[str]) -> list[ImageAnswer]:
@@ -117,6 +108,19 @@ def heatmap(project: Project) -> pd.DataFrame:
         NothingToSearchError: if the model was never asked.
     """
     return question_frame(answer_table(project, Split.TRAIN))
+
+
+def _compared(first: SubsetScore, rival: SubsetScore, name: Candidate) -> str:
+    outcome = paired_test(first, rival)
+    difference = outcome.n_only_first - outcome.n_only_second
+    if difference == 0:
+        return f"s+ recognizes as many of the {first.n_images} test images as {name.value}."
+    luck = "is more than luck" if outcome.p_value < 0.05 else "cannot be told from luck"
+    return (
+        f"s+ recognizes {abs(difference)} {'more' if difference > 0 else 'fewer'} of the "
+        f"{first.n_images} test images than {name.value}; this {luck} (exact paired test, "
+        f"p = {outcome.p_value:.2g})."
+    )
 
 
 def _numbers(row: Row) -> dict[str, object]:
