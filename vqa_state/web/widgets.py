@@ -1,16 +1,16 @@
-"""The four widgets of the app, as factories of `gr.HTML`.
+"""The app's own widgets, as factories of `gr.HTML`.
 
-Each is a fixed template, a style sheet and a script in `assets/`; the script builds its elements
-from the value and never interpolates text into HTML. What a value and an event hold stands at
-the top of each script. Factories, because gradio writes a `.pyi` beside every subclass.
+Each is a fixed template, style sheets and scripts in `assets/`; the script builds its elements
+from the value and never puts text into HTML. What a value holds stands at the top of its script.
+Factories, because gradio writes a `.pyi` beside every subclass.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import gradio as gr
 
-__all__ = ["heatmap", "label_grid", "question_grid", "search_chart"]
+__all__ = ["evidence", "heatmap", "label_grid", "note", "question_grid", "search_chart", "verdict"]
 
 ASSETS = Path(__file__).parent / "assets"
 
@@ -26,7 +26,7 @@ def question_grid(elem_id: str) -> gr.HTML:
 
 
 def search_chart(elem_id: str) -> gr.HTML:
-    """Best and mean fitness of running searches; no events."""
+    """Best and mean fitness of running searches."""
     return _widget("search_chart", elem_id, "dom.js", "search_chart.js")
 
 
@@ -35,17 +35,33 @@ def heatmap(elem_id: str) -> gr.HTML:
     return _widget("heatmap", elem_id, "dom.js", "heatmap.js")
 
 
-def _widget(name: str, elem_id: str, *scripts: str) -> gr.HTML:
-    value: dict[str, Any] = {}
+def evidence(elem_id: str) -> gr.HTML:
+    """Images with votes and raw answers."""
+    return _widget("evidence", elem_id, "dom.js", "cards.js", "evidence.js")
+
+
+def verdict(elem_id: str) -> gr.HTML:
+    """A picture to try a recognizer on, and its verdict."""
+    return _widget("verdict", elem_id, "dom.js", "cards.js", "verdict.js")
+
+
+def note(elem_id: str) -> gr.HTML:
+    """A line of text, a bar and a link; see `views.note`."""
+    return _widget("note", elem_id, "dom.js", "note.js")
+
+
+def _widget(name: str, elem_id: str, *files: str) -> gr.HTML:
+    """A script may have a style sheet of the same name."""
+    sheets = [(ASSETS / file).with_suffix(".css") for file in files]
     return gr.HTML(
-        value=value,
+        value={},
         elem_id=elem_id,
-        html_template=_asset(f"{name}.html"),
-        css_template=_asset(f"{name}.css"),
-        js_on_load="\n".join(_asset(script) for script in scripts),
+        html_template=(ASSETS / f"{name}.html").read_text(encoding="utf-8"),
+        css_template=_joined(sheet for sheet in sheets if sheet.exists()),
+        js_on_load=_joined(ASSETS / file for file in files),
         apply_default_css=False,
     )
 
 
-def _asset(name: str) -> str:
-    return (ASSETS / name).read_text(encoding="utf-8")
+def _joined(files: Iterable[Path]) -> str:
+    return "\n".join(file.read_text(encoding="utf-8") for file in files)

@@ -1,0 +1,16 @@
+// A line of text that may hold what a user typed, and a bar below it.
+// Value: {text, tone: plain | good | warn | bad, share: null or 0 to 1, link: null or {href, text}}.
+
+function build() {
+  const {text = '', tone = 'plain', share = null, link = null} = props.value || {};
+  const root = $('.nt'), bar = $('.nt-bar');
+  const target = link && el('a', {href: link.href, download: ''}, link.text);
+  $('.nt p').replaceChildren(text, ...(target ? [target] : []));
+  root.dataset.tone = tone;
+  root.hidden = !text && !link;
+  bar.hidden = share === null;
+  bar.firstElementChild.style.width = `${100 * (share || 0)}%`;
+}
+
+watch('value', build);
+build();

@@ -1,0 +1,116 @@
+"""The desk: which projects there are, which are open, and what works on them.
+
+One `Project` object a folder, one lock a project: every change is made under its lock and saved
+before the lock opens again. A folder that another program changed meanwhile is read anew.
+"""
+
+import threading
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from vqa_state import models
+from vqa_state.errors import ProjectError
+from vqa_state.jobs import Jobs
+from vqa_state.models import VQAModel
+from vqa_state.project import Project, StateNames
+from vqa_state.questions import QuestionGrid, Wording, phrases_for
+
+__all__ = ["Desk"]
+
+
+@dataclass
+class _Open:
+    """An open project and its lock; None until it is read, and after a change that failed."""
+
+    lock: threading.RLock = field(default_factory=threading.RLock)
+    project: Project | None = None
+
+
+class Desk:
+    """All that the pages share. Its methods may be called from any thread."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.jobs = Jobs()
+        self._lock = threading.Lock()
+        self._open: dict[str, _Open] = {}
+        self._models: dict[str, VQAModel] = {}
+        self._models_lock = threading.Lock()
+
+    def listing(self) -> dict[str, str]:
+        """Id and name of every project, by name. A damaged one goes by the name of its folder."""
+        found = {path.parent.name: path.parent for path in self.root.glob("*/project.json")}
+        names = {pid: self._name(pid) for pid in found if not pid.startswith(".")}
+        return dict(sorted(names.items(), key=lambda item: (item[1].casefold(), item[0])))
+
+    def create(self, name: str, positive: str, negative: str) -> str:
+        """Make a project whose grid asks about `name`; return its id, which no user typed."""
+        states = StateNames(positive, negative)
+        wording, pid = Wording(name), uuid.uuid4().hex[:12]
+        project = Project.create(self.root / pid, name, states)
+        project.grid = QuestionGrid((wording,), phrases_for(states.positive, states.negative))
+        project.save()
+        return pid
+
+    @contextmanager
+    def reading(self, pid: object) -> Iterator[Project]:
+        """The project with this id, for as long as nobody else may change it.
+
+        Raises:
+            ProjectError: if there is no such project, or it cannot be read.
+        """
+        entry = self._entry(pid)
+        with entry.lock:
+            if entry.project is None or entry.project.changed_elsewhere():
+                entry.project = Project.open(self.root / str(pid))
+            yield entry.project
+
+    @contextmanager
+    def changing(self, pid: object) -> Iterator[Project]:
+        """Like `reading`, and saved at the end; after an error the file is read anew."""
+        with self.reading(pid) as project:
+            try:
+                yield project
+                project.save()
+            except BaseException:
+                self._entry(pid).project = None
+                raise
+
+    def snapshot(self, pid: object) -> Project:
+        """A copy for long work: it sees nothing of later changes, and must not be saved."""
+        with self.reading(pid) as project:
+            return replace(project, images=dict(project.images))
+
+    def model(self, name: str) -> VQAModel:
+        """The model with this name, loaded once.
+
+        Raises:
+            UnknownModelError: if the registry has no such name.
+            ModelError: if it cannot be loaded.
+        """
+        with self._models_lock:
+            if name not in self._models:
+                self._models[name] = models.create(name)
+            return self._models[name]
+
+    def loaded(self, name: str) -> VQAModel | None:
+        """The model if it is in memory already; nothing is loaded."""
+        return self._models.get(name)
+
+    def _name(self, pid: str) -> str:
+        try:
+            with self.reading(pid) as project:
+                return project.name
+        except ProjectError:
+            return pid
+
+    def _entry(self, pid: object) -> _Open:
+        """Ids are looked up in a listing of the folder; they never become a path unseen."""
+        known = {path.parent.name for path in self.root.glob("*/project.json")}
+        if not isinstance(pid, str) or pid not in known:
+            raise ProjectError("there is no such project here; choose one above, or make a new one")
+        with self._lock:
+            return self._open.setdefault(pid, _Open())

@@ -1,0 +1,157 @@
+"""The app's own routes: pictures in and out, labels, verdicts on a picture, recognizer files.
+
+They stand beside gradio's, which keep every upload twice, serve what they are given and are
+slower than a finger on the keys. Each argument may be anything; each is checked.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Request
+from fastapi.responses import JSONResponse, Response
+from starlette.concurrency import run_in_threadpool
+
+from vqa_state.errors import RecognizerError
+from vqa_state.images import MAX_BYTES
+from vqa_state.importing import add_files
+from vqa_state.scores import Objective
+from vqa_state.splits import Split
+from vqa_state.tuning import recognizer_path
+from vqa_state.web import checks, verdicts, views
+from vqa_state.web.desk import Desk
+
+__all__ = ["MAX_UPLOAD", "explain", "routes"]
+
+MAX_UPLOAD = 500_000_000
+"""Bytes of one file, that is of a ZIP; each picture has its own, lower limit."""
+
+MAX_JSON = 2_000_000
+IMAGE_TYPES = {
+    "jpg": "image/jpeg",
+    "png": "image/png",
+    "webp": "image/webp",
+    "bmp": "image/bmp",
+    "heic": "image/heic",
+}
+PICTURE_HEADERS = {"Cache-Control": "private, max-age=31536000, immutable"}  # ids are hashes
+
+
+def routes(desk: Desk) -> APIRouter:
+    """All routes, for the projects on this desk."""
+    router = APIRouter(prefix="/projects/{pid}")
+
+    @router.post("/upload")
+    async def upload(request: Request, pid: str, name: str) -> Response:
+        data = await _body(request, MAX_UPLOAD)
+        return await _json(lambda: _add(desk, pid, name, data))
+
+    @router.post("/marks")
+    async def marks(request: Request, pid: str) -> Response:
+        marked = checks.json_object(await _body(request, MAX_JSON))
+        return await _json(lambda: _mark(desk, pid, marked))
+
+    @router.post("/remove")
+    async def remove(request: Request, pid: str) -> Response:
+        wanted = checks.json_object(await _body(request, MAX_JSON))
+        return await _json(lambda: _remove(desk, pid, wanted))
+
+    @router.post("/recognize/{objective}")
+    async def recognize(request: Request, pid: str, objective: str) -> Response:
+        data = await _body(request, MAX_BYTES)
+        return await _json(lambda: verdicts.of_picture(desk, pid, objective, data))
+
+    @router.get("/thumbs/{image_id}")
+    def thumb(pid: str, image_id: str) -> Response:
+        with desk.reading(pid) as project:
+            data = project.thumbnail(checks.known_image(project, image_id).id)
+        return Response(data, media_type="image/webp", headers=PICTURE_HEADERS)
+
+    @router.get("/images/{image_id}")
+    def image(pid: str, image_id: str) -> Response:
+        with desk.reading(pid) as project:
+            found = checks.known_image(project, image_id)
+            data = project.read(found)
+        return Response(data, media_type=IMAGE_TYPES[found.suffix], headers=PICTURE_HEADERS)
+
+    @router.get("/recognizers/{objective}.json")
+    def recognizer(pid: str, objective: str) -> Response:
+        return _download(desk, pid, objective)
+
+    return router
+
+
+async def explain(request: Request, error: Exception) -> Response:
+    """A known error as JSON: its sentence, under a status that says whose fault it is."""
+    if isinstance(error, checks.TooLargeError):
+        status = 413
+    else:
+        status = 404 if request.method == "GET" else 400
+    return JSONResponse({"error": str(error)}, status_code=status)
+
+
+async def _body(request: Request, limit: int) -> bytes:
+    """The request's body; more than `limit` bytes are refused before they are all here."""
+    chunks, size = [], 0
+    async for chunk in request.stream():
+        size += len(chunk)
+        if size > limit:
+            raise checks.TooLargeError(
+                f"this is larger than {limit / 1e6:.0f} MB, the most that is read; make it smaller"
+            )
+        chunks.append(chunk)
+    return b"".join(chunks)
+
+
+async def _json(work: Callable[[], Mapping[str, Any]]) -> Response:
+    """What `work` gives, made beside the event loop: pictures take time."""
+    return JSONResponse(await run_in_threadpool(work))
+
+
+def _add(desk: Desk, pid: str, name: str, data: bytes) -> dict[str, Any]:
+    with desk.changing(pid) as project:
+        report = add_files(project, [(name, data)])
+        return {
+            "added": [views.image_row(project.images[image_id]) for image_id in report.added],
+            "known": list(report.already_there),
+            "refused": [{"name": one.name, "reason": one.reason} for one in report.refused],
+        }
+
+
+def _mark(desk: Desk, pid: str, marked: Mapping[str, Any]) -> dict[str, Any]:
+    labels = checks.json_object(marked.get("labels", {}))
+    splits = checks.json_object(marked.get("splits", {}))
+    with desk.changing(pid) as project:
+        for image_id, label in labels.items():
+            project.set_labels([checks.known_image(project, image_id).id], _label(label))
+        for image_id, split in splits.items():
+            side = None if split is None else checks.choice(split, Split, "the side")
+            project.set_splits([checks.known_image(project, image_id).id], side)
+    return {}
+
+
+def _label(value: object) -> int | None:
+    if value is None or (type(value) is int and value in (-1, 1)):
+        return value
+    raise checks.RequestError("a label must be 1, -1 or null")
+
+
+def _remove(desk: Desk, pid: str, wanted: Mapping[str, Any]) -> dict[str, Any]:
+    with desk.changing(pid) as project:
+        ids = [checks.known_image(project, one).id for one in checks.image_ids(wanted.get("ids"))]
+        project.remove(dict.fromkeys(ids))
+    return {}
+
+
+def _download(desk: Desk, pid: str, objective: str) -> Response:
+    with desk.reading(pid) as project:
+        path = recognizer_path(project, checks.choice(objective, Objective, "the objective"))
+        name = quote(f"{project.name} {path.stem}.json", safe="")
+        try:
+            data = path.read_bytes()
+        except FileNotFoundError as error:
+            raise RecognizerError("there is no recognizer yet; optimize first") from error
+    # Two names, because a plain one holds ASCII only (RFC 6266).
+    kept = f"attachment; filename=\"{path.name}\"; filename*=UTF-8''{name}"
+    headers = {"Content-Disposition": kept, "Cache-Control": "no-store"}
+    return Response(data, media_type="application/json", headers=headers)

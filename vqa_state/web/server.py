@@ -1,0 +1,94 @@
+"""The server behind the app: one FastAPI app with our routes and gradio's page, under the guard."""
+
+import argparse
+import socket
+import sys
+import threading
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+
+import gradio as gr
+import uvicorn
+from fastapi import FastAPI
+from starlette.types import ASGIApp
+
+from vqa_state.errors import VQAStateError
+from vqa_state.images import MAX_BYTES
+from vqa_state.web import site
+from vqa_state.web.desk import Desk
+from vqa_state.web.guard import LocalGuard
+from vqa_state.web.routes import explain, routes
+
+__all__ = ["build_app", "main"]
+
+
+def build_app(desk: Desk, hosts: Sequence[str] = ()) -> ASGIApp:
+    """The whole app, for the projects on this desk; `hosts` are further names of this machine."""
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    app.add_exception_handler(VQAStateError, explain)
+    app.include_router(routes(desk))
+    gr.mount_gradio_app(
+        app, site.build(desk), path="/",
+        max_file_size=MAX_BYTES, theme=site.theme(), css_paths=[site.STYLE],
+        footer_links=[], run_history=False, show_error=False, enable_monitoring=False,
+    )  # fmt: skip
+    return LocalGuard(app, hosts)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Serve until interrupted; the exit status."""
+    options = _options(arguments)
+    try:
+        options.projects.mkdir(parents=True, exist_ok=True)
+        listener = _listen(options.host, options.port)
+    except OSError as error:
+        print(f"The app cannot start: {_reason(options, error)}", file=sys.stderr)
+        return 1
+    host = f"[{options.host}]" if ":" in options.host else options.host
+    address = f"http://{host}:{listener.getsockname()[1]}/"
+    app = build_app(Desk(options.projects), [host])
+    print(f"The app is open at {address} (stop it with Ctrl+C).", flush=True)
+    if not options.no_browser:
+        threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()
+    uvicorn.Server(uvicorn.Config(app, log_level="warning")).run(sockets=[listener])
+    return 0
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Open the web app.")
+    parser.add_argument("--port", type=int, default=7860, help="0 takes any free one")
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to listen on; another than this machine's "
+        "own opens the app to all who can reach it",
+    )  # fmt: skip
+    parser.add_argument("--projects", type=Path, default=Path("projects"), metavar="DIR")
+    parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
+    return parser.parse_args(arguments)
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    """Take the port before anything slow, so that a taken one is said at once."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen()
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+def _reason(options: argparse.Namespace, error: OSError) -> str:
+    import errno
+
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"port {options.port} is taken, perhaps by this app in another window; stop that one, "
+            f"or choose another port with --port {options.port + 1}"
+        )
+    return (
+        f"{error.strerror or error} (host {options.host}, port {options.port}, {options.projects})"
+    )

@@ -1,0 +1,1 @@
+"""The stretches of the road, one tab each."""

@@ -1,0 +1,197 @@
+"""Third stretch: ask a model every question about every copy of every image."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import gradio as gr
+
+from vqa_state import models
+from vqa_state.asking import AskProgress, ask, plan
+from vqa_state.augment import Augmentation, AugmentationKind
+from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
+from vqa_state.web import checks, road, watching, widgets
+from vqa_state.web.desk import Desk
+from vqa_state.web.page import Page
+from vqa_state.web.views import note
+
+__all__ = ["Parts", "build", "wire"]
+
+KIND = "asking"
+KINDS = [
+    ("colour shift, as in the paper", AugmentationKind.RGB_SHIFT.value),
+    ("noise", AugmentationKind.GAUSSIAN_NOISE.value),
+]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Components of the tab."""
+
+    tab: gr.Tab
+    model: gr.Dropdown
+    kind: gr.Radio
+    amount: gr.Slider
+    n_copies: gr.Slider
+    cost: gr.HTML
+    start: gr.Button
+    stop: gr.Button
+    progress: gr.HTML
+    seen: gr.Textbox
+    timer: gr.Timer
+
+
+def build(tab: gr.Tab) -> Parts:
+    """Draw the tab."""
+    model = gr.Dropdown(models.names(), label="Model", elem_id="model")
+    with gr.Accordion("Advanced: copies of each image", open=False):
+        gr.Markdown(
+            "The model sees slightly changed copies of each image, and all of them vote. "
+            "Other copies need other answers."
+        )
+        with gr.Row(equal_height=True):
+            kind = gr.Radio(KINDS, label="Change")
+            amount = gr.Slider(0.01, 1.0, step=0.01, label="Amount, as a share of full scale")
+            n_copies = gr.Slider(1, 24, step=1, label="Copies of each image")
+    cost = widgets.note("cost")
+    with gr.Row():
+        start = gr.Button("Ask the model", variant="primary", elem_id="ask-start")
+        stop = gr.Button("Stop", interactive=False, elem_id="ask-stop")
+    progress = widgets.note("ask-progress")
+    seen = gr.Textbox(visible=False)
+    timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
+    return Parts(tab, model, kind, amount, n_copies, cost, start, stop, progress, seen, timer)
+
+
+def wire(parts: Parts, page: Page) -> None:
+    """Connect the tab."""
+    settings = [parts.kind, parts.amount, parts.n_copies]
+    watched = [parts.progress, parts.start, parts.stop, parts.seen]
+    page.show(parts.tab, show, [parts.model, *settings, parts.cost])
+    for field in (parts.kind.input, parts.amount.release, parts.n_copies.release):
+        page.change(field, augment, settings, [parts.cost])
+    started = page.on(parts.start.click, start, [parts.model], [])
+    followed = page.follow(started.success, follow, watched)
+    page.then_road(page.on(followed.then, costs, (), [parts.cost]))
+    page.on(parts.stop.click, stop, (), [], queue=False)
+    page.follow(page.arrived.then, follow, watched)
+    page.on(parts.timer.tick, glance, [parts.seen], watched)
+
+
+def show(desk: Desk, pid: str) -> Any:
+    """Model, settings of the copies, and what asking costs."""
+    with desk.reading(pid) as project:
+        copies = project.augmentation
+        model = project.model if project.model in models.names() else None
+    return model, copies.kind.value, copies.amount, copies.n_copies, costs(desk, pid)
+
+
+def costs(desk: Desk, pid: str) -> Any:
+    """What asking will cost, before it starts."""
+    cost = road.cost(desk.snapshot(pid))
+    if cost is None:
+        return note("There is nothing to ask yet: label images, divide them, and give questions.")
+    product = (
+        f"{cost.n_images:,} images × {cost.n_copies} copies × {cost.n_questions:,} questions "
+        f"= {cost.n_calls:,} calls"
+    )
+    if not cost.n_to_ask:
+        return note(f"{product}; all of them are answered.", "good")
+    return note(f"{product}; {cost.n_stored:,} are answered, {cost.n_to_ask:,} are to be asked.")
+
+
+def augment(desk: Desk, pid: str, kind: Any, amount: Any, n_copies: Any) -> Any:
+    """Keep the settings of the copies; the new cost."""
+    chosen = checks.choice(kind, AugmentationKind, "the change")
+    size, n = checks.number(amount, "the amount"), checks.integer(n_copies, "the copies")
+    with desk.changing(pid) as project:
+        project.augmentation = checks.stated(lambda: Augmentation(chosen, size, n))
+    return costs(desk, pid)
+
+
+def start(desk: Desk, pid: str, model: Any) -> None:
+    """Begin to ask, or attach to what is running."""
+    name = checks.text(model, "the model")
+    plan(desk.snapshot(pid), "")  # what would fail in the job is refused at once
+    desk.jobs.start(pid, KIND, asking(desk, pid, name))
+
+
+def asking(desk: Desk, pid: str, name: str) -> Work:
+    """The work: load the model, remember that it is the project's, ask."""
+
+    def work(stop: StopFlag) -> Iterator[AskProgress]:
+        model = desk.model(name)
+        with desk.changing(pid) as project:
+            project.model, project.fingerprint = name, model.fingerprint
+        yield from ask(desk.snapshot(pid), model, stop)
+
+    return work
+
+
+def stop(desk: Desk, pid: str) -> None:
+    """Ask the running job to stop."""
+    job = desk.jobs.get(pid, KIND)
+    if job is not None:
+        job.stop()
+
+
+def follow(desk: Desk, pid: str) -> Iterator[Any]:
+    """What to show while a job runs."""
+    yield from watching.follow(desk, pid, KIND, view)
+
+
+def glance(desk: Desk, pid: str, seen: Any) -> Any:
+    """What to show if it is news."""
+    return watching.glance(desk, pid, KIND, view, seen) or gr.skip()
+
+
+def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
+    """Progress, start and stop."""
+    alive = snapshot is not None and snapshot.state.alive
+    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
+    return _progress(snapshot), gr.Button(interactive=not alive), gr.Button(interactive=can_stop)
+
+
+def _progress(snapshot: Snapshot | None) -> Any:
+    if snapshot is None:
+        return note("")
+    if snapshot.state is JobState.FAILED:
+        return note(f"Failed: {snapshot.failure}", "bad")
+    report: AskProgress | None = snapshot.report
+    if report is None:
+        return note("Loading the model…", share=0.0)
+    answered = report.n_stored + report.n_asked
+    lines = [_headline(snapshot.state, report)]
+    lines.append(
+        f"{answered:,} of {report.n_calls:,} answered ({report.n_stored:,} from the store, "
+        f"{report.n_asked:,} asked now)"
+    )
+    if report.n_failed:
+        lines.append(f"{report.n_failed:,} failed; the last one: {report.last_failure}")
+    share = answered / report.n_calls if report.n_calls else 1.0
+    return note("\n".join(lines), _tone(snapshot.state, report), share)
+
+
+def _headline(state: JobState, report: AskProgress) -> str:
+    if state is JobState.STOPPING:
+        return "Stopping…"
+    if state is JobState.STOPPED:
+        return "Stopped. What was answered is kept; ask again to go on."
+    if state is JobState.DONE:
+        if report.n_failed:
+            return "Done, but some calls failed. Ask again: only these are asked."
+        return "Done: every question is answered. Next: Optimize."
+    left = "" if report.seconds_left is None else f", about {_seconds(report.seconds_left)} left"
+    return f"Asking{left}"
+
+
+def _tone(state: JobState, report: AskProgress) -> str:
+    if state.alive:
+        return "plain"
+    return "good" if state is JobState.DONE and not report.n_failed else "warn"
+
+
+def _seconds(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

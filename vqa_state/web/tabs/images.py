@@ -1,0 +1,104 @@
+"""First stretch: add pictures, label them, divide them into train and test."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import gradio as gr
+
+from vqa_state.project import Project
+from vqa_state.splits import Split
+from vqa_state.web import checks, widgets
+from vqa_state.web.desk import Desk
+from vqa_state.web.page import Page
+from vqa_state.web.routes import MAX_UPLOAD
+from vqa_state.web.views import images_value, note
+
+__all__ = ["Parts", "build", "wire"]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Components of the tab."""
+
+    tab: gr.Tab
+    grid: gr.HTML
+    share: gr.Slider
+    seed: gr.Number
+    afresh: gr.Checkbox
+    split: gr.Button
+    note: gr.HTML
+
+
+def build(tab: gr.Tab) -> Parts:
+    """Draw the tab."""
+    grid = widgets.label_grid("labels")
+    with gr.Accordion("Divide into train and test", open=True, elem_id="divide"):
+        gr.Markdown(
+            "Training images choose the questions; test images only say how good the choice is. "
+            "Each state is divided on its own, and look-alikes stay together."
+        )
+        with gr.Row(equal_height=True):
+            share = gr.Slider(0.1, 0.9, 0.5, step=0.05, label="Share for training")
+            seed = gr.Number(0, label="Seed of the split and of the copies", precision=0, minimum=0)
+            afresh = gr.Checkbox(False, label="Divide again those that have a side already")
+        split = gr.Button("Divide", variant="primary", elem_id="split")
+        said = widgets.note("split-note")
+    return Parts(tab, grid, share, seed, afresh, split, said)
+
+
+def wire(parts: Parts, page: Page) -> None:
+    """Connect the tab."""
+    shown = [parts.grid, parts.seed, parts.note]
+    page.show(parts.tab, show, shown)
+    for trigger in (parts.grid.uploaded, parts.grid.changed):
+        page.change(trigger, tell, (), [parts.note])
+    page.change(parts.grid.reload, show, (), shown)
+    inputs = [parts.share, parts.seed, parts.afresh]
+    page.change(parts.split.click, divide, inputs, [parts.grid, parts.note])
+
+
+def show(desk: Desk, pid: str) -> Any:
+    """Grid, seed and note."""
+    with desk.reading(pid) as project:
+        return images_value(pid, project, MAX_UPLOAD), project.seed, _sides(project)
+
+
+def tell(desk: Desk, pid: str) -> Any:
+    """The note alone: the grid shows already what was done in it."""
+    with desk.reading(pid) as project:
+        return _sides(project)
+
+
+def divide(desk: Desk, pid: str, share: Any, seed: Any, afresh: Any) -> Any:
+    """Give labelled images a side; grid and note."""
+    part = checks.number(share, "the share for training")
+    number = checks.integer(seed, "the seed")
+    with desk.changing(pid) as project:
+        project.seed = number
+        checks.stated(lambda: project.assign_splits(train_share=part, afresh=afresh is True))
+        return images_value(pid, project, MAX_UPLOAD), _sides(project)
+
+
+def _sides(project: Project) -> Any:
+    """How many of each state are on each side, what lacks, and which images look alike."""
+    if not project.images:
+        return note("")
+    counts = {
+        split: [sum(i.label == label for i in project.labelled(split)) for label in (1, -1)]
+        for split in (Split.TRAIN, Split.TEST)
+    }
+    names = (project.states.positive, project.states.negative)
+    lines = [
+        f"{split.value.capitalize()}: "
+        + ", ".join(f"{n} {name}" for n, name in zip(of_split, names, strict=True))
+        for split, of_split in counts.items()
+    ]
+    groups = project.look_alikes()
+    if groups:
+        first = " and ".join(project.images[image_id].name for image_id in groups[0][:2])
+        n_groups = f"{len(groups)} group" + ("s" if len(groups) > 1 else "")
+        lines.append(f"{n_groups} of look-alikes, each kept on one side; the first: {first}.")
+    lacking = any(n == 0 for of_split in counts.values() for n in of_split)
+    if lacking:
+        lines.append("Both states are needed on both sides: label more images, then divide.")
+    return note("\n".join(lines), "warn" if lacking else "good")

@@ -1,0 +1,266 @@
+"""Fourth stretch: let the genetic algorithm choose questions, for four objectives at once."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gradio as gr
+
+from vqa_state.errors import NothingToSearchError, ProjectError
+from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
+from vqa_state.scores import Objective, ObjectiveWeights
+from vqa_state.search.fitness import Terms
+from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
+from vqa_state.tuning import OptimizeProgress, Results, optimize, results
+from vqa_state.web import checks, watching, widgets
+from vqa_state.web.desk import Desk
+from vqa_state.web.page import Page
+from vqa_state.web.views import note
+
+__all__ = ["HINTS", "Parts", "build", "wire"]
+
+KIND = "optimizing"
+HINTS = {
+    Objective.S_PLUS: "most accurate, many questions",
+    Objective.S_PRIME_PLUS: "invalid counts as wrong, many questions",
+    Objective.S_MINUS: "few questions, fast",
+    Objective.S_PRIME_MINUS: "invalid counts as wrong, few questions",
+}
+MAX_POINTS = 240
+
+Points = list[tuple[int, float, float]]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Components of the tab; the numbers are in the order of `settle`."""
+
+    tab: gr.Tab
+    numbers: tuple[gr.Number, ...]
+    start: gr.Button
+    stop: gr.Button
+    note: gr.HTML
+    chart: gr.HTML
+    seen: gr.Textbox
+    timer: gr.Timer
+
+
+@dataclass(frozen=True)
+class Searching:
+    """What the job reports: the latest generation, and all before it.
+
+    The job only appends to `points`; a reader takes those up to the latest generation.
+    """
+
+    progress: OptimizeProgress
+    points: Mapping[Objective, Points]
+
+
+def build(tab: gr.Tab) -> Parts:
+    """Draw the tab."""
+    gr.Markdown(
+        "Four searches run side by side. Each looks for the set of questions that is best by its "
+        "own objective, on the training images only."
+    )
+    with gr.Accordion("Advanced: settings of the search", open=False):
+        numbers = _numbers()
+    with gr.Row():
+        start = gr.Button("Optimize", variant="primary", elem_id="optimize-start")
+        stop = gr.Button("Stop", interactive=False, elem_id="optimize-stop")
+    said = widgets.note("optimize-note")
+    chart = widgets.search_chart("chart")
+    seen = gr.Textbox(visible=False)
+    timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
+    return Parts(tab, numbers, start, stop, said, chart, seen, timer)
+
+
+def _numbers() -> tuple[gr.Number, ...]:
+    paper = PAPER_SETTINGS
+    with gr.Row(equal_height=True):
+        population = gr.Number(paper.population, label="Population", precision=0)
+        generations = gr.Number(
+            paper.generations, label="Generations", precision=0, elem_id="generations"
+        )
+        tournament = gr.Number(paper.tournament, label="Tournament size", precision=0)
+    with gr.Row(equal_height=True):
+        crossover = gr.Number(paper.crossover, label="Crossover probability", step=0.05)
+        mutation = gr.Number(paper.mutation, label="Mutation probability", step=0.05)
+        bit_flip = gr.Number(paper.bit_flip, label="Flip probability of a bit", step=0.01)
+    with gr.Row(equal_height=True):
+        alpha = gr.Number(label="α, weight of recognized images")
+        beta = gr.Number(label="β, weight of the number of questions", step=0.05)
+        seed = gr.Number(label="Seed of the search", precision=0)
+    return (
+        population, generations, crossover, mutation, bit_flip, tournament, alpha, beta, seed,
+    )  # fmt: skip
+
+
+def wire(parts: Parts, page: Page) -> None:
+    """Connect the tab."""
+    watched = [parts.note, parts.chart, parts.start, parts.stop, parts.seen]
+    page.show(parts.tab, show, parts.numbers)
+    page.follow(parts.tab.select, follow, watched)
+    started = page.on(parts.start.click, start, parts.numbers, [])
+    page.then_road(page.follow(started.success, follow, watched))
+    page.on(parts.stop.click, stop, (), [], queue=False)
+    page.follow(page.arrived.then, follow, watched)
+    page.on(parts.timer.tick, glance, [parts.seen], watched)
+
+
+def show(desk: Desk, pid: str) -> Any:
+    """The settings."""
+    with desk.reading(pid) as project:
+        one, weights = project.search, project.weights
+        seed = project.search_seed
+    return (
+        one.population, one.generations, one.crossover, one.mutation, one.bit_flip,
+        one.tournament, weights.alpha, weights.beta, seed,
+    )  # fmt: skip
+
+
+def start(desk: Desk, pid: str, *numbers: Any) -> None:
+    """Keep the settings and begin to search, or attach to what is running."""
+    if desk.jobs.alive(pid) is None:
+        settle(desk, pid, *numbers)
+    desk.jobs.start(pid, KIND, searching(desk, pid))
+
+
+def settle(desk: Desk, pid: str, *numbers: Any) -> None:
+    """Check and keep the settings of the search."""
+    population, generations, crossover, mutation, bit_flip, tournament, alpha, beta, seed = numbers
+    settings = checks.stated(
+        lambda: SearchSettings(
+            population=checks.integer(population, "the population"),
+            generations=checks.integer(generations, "the generations"),
+            crossover=checks.number(crossover, "the crossover probability"),
+            mutation=checks.number(mutation, "the mutation probability"),
+            bit_flip=checks.number(bit_flip, "the flip probability"),
+            tournament=checks.integer(tournament, "the tournament size"),
+        )
+    )
+    weights = checks.stated(
+        lambda: ObjectiveWeights(checks.number(alpha, "α"), checks.number(beta, "β"))
+    )
+    with desk.changing(pid) as project:
+        project.search, project.weights = settings, weights
+        project.search_seed = checks.integer(seed, "the seed of the search")
+
+
+def searching(desk: Desk, pid: str) -> Work:
+    """The work: search, and keep every generation for the chart."""
+
+    def work(stop: StopFlag) -> Iterator[Searching]:
+        points: dict[Objective, Points] = {objective: [] for objective in Objective}
+        for progress in optimize(desk.snapshot(pid), stop):
+            for objective, report in progress.reports.items():
+                point = (report.generation, report.best_fitness, report.mean_fitness)
+                points[objective].append(point)
+            yield Searching(progress, points)
+
+    return work
+
+
+def stop(desk: Desk, pid: str) -> None:
+    """Ask the running search to stop; it keeps the best so far."""
+    job = desk.jobs.get(pid, KIND)
+    if job is not None:
+        job.stop()
+
+
+def follow(desk: Desk, pid: str) -> Iterator[Any]:
+    """What to show while a search runs."""
+    yield from watching.follow(desk, pid, KIND, view)
+
+
+def glance(desk: Desk, pid: str, seen: Any) -> Any:
+    """What to show if it is news."""
+    return watching.glance(desk, pid, KIND, view, seen) or gr.skip()
+
+
+def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, ...]:
+    """Note, chart, start and stop."""
+    alive = snapshot is not None and snapshot.state.alive
+    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
+    buttons = gr.Button(interactive=not alive), gr.Button(interactive=can_stop)
+    if snapshot is None or snapshot.report is None:
+        said, chart = _saved(desk, pid)
+        if snapshot is not None and snapshot.state is JobState.FAILED:
+            said = note(f"Failed: {snapshot.failure}", "bad")
+        return said, chart, *buttons
+    return _said(snapshot), _live_chart(snapshot.report), *buttons
+
+
+def _said(snapshot: Snapshot) -> Any:
+    progress: OptimizeProgress = snapshot.report.progress
+    at = f"generation {progress.generation:,} of {progress.total:,}"
+    share = progress.generation / max(progress.total, 1)
+    match snapshot.state:
+        case JobState.FAILED:
+            return note(f"Failed at {at}: {snapshot.failure}", "bad")
+        case JobState.STOPPED:
+            return note(f"Stopped at {at}. The best so far is kept, and marked so.", "warn")
+        case JobState.DONE:
+            return note("Done. The recognizers are written; see Results.", "good")
+        case JobState.STOPPING:
+            return note(f"Stopping at {at}…", share=share)
+    return note(f"Searching: {at}", share=share)
+
+
+def _live_chart(report: Searching) -> Any:
+    n_seen = report.progress.generation + 1
+    return {
+        "searches": [
+            _panel(
+                objective, report.progress.total, report.points[objective][:n_seen],
+                _terms(report.progress.reports[objective].terms),
+            )
+            for objective in Objective
+        ]
+    }  # fmt: skip
+
+
+def _saved(desk: Desk, pid: str) -> tuple[Any, Any]:
+    """What an earlier run found, if answers and labels are still the same."""
+    try:
+        found = results(desk.snapshot(pid))
+    except (NothingToSearchError, ProjectError) as error:
+        return note(f"Nothing to search yet: {error}."), {"searches": _empty()}
+    if found is None:
+        return note("Not optimized yet, or images, labels or questions changed since."), {
+            "searches": _empty()
+        }
+    return note("Optimized. See Results.", "good"), {"searches": _kept(found)}
+
+
+def _empty() -> list[Any]:
+    return [_panel(objective, 0, [], []) for objective in Objective]
+
+
+def _kept(found: Results) -> list[Any]:
+    panels = []
+    for objective, saved in found.searches.items():
+        points = [(generation, *pair) for generation, pair in enumerate(saved.curve)]
+        terms = [["questions", f"{len(saved.subset)} of {found.train.n_questions}"]]
+        panels.append(_panel(objective, saved.settings.generations, points, terms))
+    return panels
+
+
+def _panel(objective: Objective, total: int, points: Sequence[Any], terms: list[list[str]]) -> Any:
+    step = max(1, len(points) // MAX_POINTS)
+    thinned = [*points[:-1:step], *points[-1:]]
+    return {
+        "name": objective.name,
+        "title": objective.value,
+        "hint": HINTS[objective],
+        "total": total,
+        "points": thinned,
+        "terms": terms,
+    }
+
+
+def _terms(terms: Terms) -> list[list[str]]:
+    return [
+        ["recognized (training)", f"{terms.n_recognized} of {terms.n_images}"],
+        ["mean correct rate", f"{terms.R_ave:.3f}"],
+        ["questions", f"{terms.n_used} of {terms.n_questions}"],
+    ]

@@ -1,0 +1,110 @@
+"""Last stretch: choose a recognizer, take it with you, try it on a new picture."""
+
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import quote
+
+import gradio as gr
+import numpy as np
+from PIL import Image
+
+from vqa_state.errors import RecognizerError, VQAStateError
+from vqa_state.recognizer import Recognizer
+from vqa_state.scores import Objective
+from vqa_state.tuning import recognizer_path
+from vqa_state.web import checks, verdicts, widgets
+from vqa_state.web.desk import Desk
+from vqa_state.web.page import Page
+from vqa_state.web.tabs.optimize import HINTS
+from vqa_state.web.views import download, note
+
+__all__ = ["Parts", "build", "wire"]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Components of the tab."""
+
+    tab: gr.Tab
+    objective: gr.Radio
+    about: gr.HTML
+    link: gr.HTML
+    verdict: gr.HTML
+    camera: gr.Image
+    seen: gr.HTML
+
+
+def build(tab: gr.Tab) -> Parts:
+    """Draw the tab."""
+    choices = [(f"{one.value} – {hint}", one.value) for one, hint in HINTS.items()]
+    objective = gr.Radio(choices, label="Recognizer", elem_id="objective")
+    about = widgets.note("about")
+    link = widgets.note("download")
+    gr.Markdown("### Try it on a picture")
+    verdict = widgets.verdict("verdict")
+    with gr.Accordion("Try it with the camera", open=False):
+        camera = gr.Image(
+            sources=["webcam"], type="numpy", label="Camera", show_label=False, elem_id="camera",
+            webcam_options=gr.WebcamOptions(constraints={"video": {"width": 640, "height": 480}}),
+        )  # fmt: skip
+        seen = widgets.verdict("camera-verdict")
+    return Parts(tab, objective, about, link, verdict, camera, seen)
+
+
+def wire(parts: Parts, page: Page) -> None:
+    """Connect the tab."""
+    shown = [parts.objective, parts.about, parts.link, parts.verdict]
+    page.show(parts.tab, show, shown)
+    page.on(parts.objective.input, choose, [parts.objective], shown[1:])
+    page.on(parts.camera.change, see, [parts.objective, parts.camera], [parts.seen])
+
+
+def show(desk: Desk, pid: str) -> Any:
+    """Choice, what it is, its link, and a place to try it."""
+    with desk.reading(pid) as project:
+        chosen = project.chosen
+    return chosen.value, *_shown(desk, pid, chosen)
+
+
+def choose(desk: Desk, pid: str, objective: Any) -> Any:
+    """Remember the choice; what it is, its link, and a place to try it."""
+    chosen = checks.choice(objective, Objective, "the objective")
+    with desk.changing(pid) as project:
+        project.chosen = chosen
+    return _shown(desk, pid, chosen)
+
+
+def see(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
+    """The verdict on a picture of the camera; nothing when it was put away."""
+    if not isinstance(frame, np.ndarray):
+        return {}
+    try:
+        return {"verdict": verdicts.of_picture(desk, pid, objective, Image.fromarray(frame))}
+    except VQAStateError as error:
+        return {"failure": str(error)}
+
+
+def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
+    place = {"project": pid, "objective": chosen.value}
+    with desk.reading(pid) as project:
+        path = recognizer_path(project, chosen)
+    if not path.exists():
+        return note("There is no recognizer yet: optimize first."), note(""), {}
+    try:
+        recognizer = Recognizer.load(path)
+    except RecognizerError as error:
+        return note(f"{error}", "bad"), note(""), {}
+    href = f"/projects/{quote(pid)}/recognizers/{quote(chosen.value)}.json"
+    return note(_about(recognizer)), download(href, "Download the recognizer (JSON)"), place
+
+
+def _about(recognizer: Recognizer) -> str:
+    train = recognizer.scores.train
+    questions = "\n".join(f"  {question.text}" for question in recognizer.questions)
+    finished = "" if recognizer.origin.finished else "\nIts search was stopped before the end."
+    return (
+        f"{len(recognizer.questions)} questions about {recognizer.copies.n_copies} copies: "
+        f"{recognizer.calls_per_image} calls for an image, to the model {recognizer.model.name}.\n"
+        f"Training images: {train.n_recognized} of {train.n_images} recognized."
+        f"{finished}\n{questions}"
+    )

@@ -1,0 +1,104 @@
+"""What the widgets show of a project, as plain JSON values. No gradio, no HTML."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from vqa_state.evaluation import MissedImage
+from vqa_state.project import LabelledImage, Project
+from vqa_state.questions import BuiltGrid, Form, Question
+from vqa_state.report import ImageAnswer, image_answers
+
+__all__ = [
+    "counted",
+    "image_card",
+    "image_row",
+    "images_value",
+    "missed_card",
+    "note",
+    "questions_value",
+]
+
+Value = dict[str, Any]
+
+
+def note(text: str, tone: str = "plain", share: float | None = None) -> Value:
+    """A line of text; tones: plain, good, warn, bad. `share` in [0, 1] draws a bar below."""
+    return {"text": text, "tone": tone, "share": share}
+
+
+def download(href: str, text: str) -> Value:
+    """A link that downloads a file of this app, in the place of a note."""
+    return note("") | {"link": {"href": href, "text": text}}
+
+
+def image_row(image: LabelledImage) -> Value:
+    """An image as the labelling grid wants it."""
+    return {"id": image.id, "name": image.name, "label": image.label, "split": image.split}
+
+
+def images_value(pid: str, project: Project, max_bytes: int) -> Value:
+    """The labelling grid's value."""
+    return {
+        "project": pid,
+        "states": [project.states.positive, project.states.negative],
+        "max_bytes": max_bytes,
+        "items": [image_row(image) for image in project.images.values()],
+    }
+
+
+def questions_value(built: BuiltGrid) -> Value:
+    """The question grid's value: grouped by form and state phrase, in the grid's order."""
+    off = set(built.switched_off)
+    groups: dict[str, list[Value]] = {}
+    for question in sorted((*built.questions, *built.switched_off), key=_place):
+        row = {"text": question.text, "on": question not in off}
+        groups.setdefault(_group(question), []).append(row)
+    return {
+        "groups": [{"title": title, "questions": rows} for title, rows in groups.items()],
+        "dropped": [question.text for question in built.duplicates],
+    }
+
+
+def image_card(project: Project, image_id: str, texts: Iterable[str]) -> Value:
+    """One image with its raw answers to some questions, and how they voted."""
+    return _card(project, image_id, image_answers(project, image_id, set(texts)))
+
+
+def missed_card(project: Project, missed: MissedImage, texts: Sequence[str]) -> Value:
+    """An image that was not recognized, with the reason in a word."""
+    card = image_card(project, missed.image_id, texts)
+    tie = missed.n_for == missed.n_against
+    reason = "no clear answer" if missed.no_answer else "a tie" if tie else "outvoted"
+    return card | {"note": f"{card['note']} · {reason}"}
+
+
+def _card(project: Project, image_id: str, answers: Sequence[ImageAnswer]) -> Value:
+    image = project.images[image_id]
+    state = "no label" if image.label is None else project.states.of(image.label)
+    said: dict[str, Counter[str]] = {}
+    for answer in answers:
+        said.setdefault(answer.question, Counter())[answer.text] += 1
+    return {
+        "image": image_id,
+        "title": image.name,
+        "note": f"is {state}",
+        "votes": [sum(a.speaks_for == side for a in answers) for side in (1, -1, 0)],
+        "answers": [[question, counted(texts)] for question, texts in said.items()],
+    }
+
+
+def counted(texts: Counter[str]) -> str:
+    """Raw answers with how often each was given: "yes × 4 · no × 2"."""
+    return " · ".join(f"{text or '(empty)'} × {n}" for text, n in texts.most_common())
+
+
+def _group(question: Question) -> str:
+    if question.form is Form.CUSTOM:
+        return "your own questions"
+    return f"{question.form} · {question.phrase}"
+
+
+def _place(question: Question) -> tuple[bool, bool, int]:
+    """Forms stay together, then the phrases of the positive state come first."""
+    return question.form is Form.CUSTOM, question.form is Form.DOES, -question.yes_means
