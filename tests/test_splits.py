@@ -73,7 +73,7 @@ shares = st.floats(0.05, 0.95)
 
 
 @st.composite
-def divided(draw, one_state=False):
+def divided(draw):
     """Labels, disjoint groups and fixed sides."""
     labels = draw(labelled)
     order = draw(st.permutations(sorted(labels)))
@@ -81,8 +81,6 @@ def divided(draw, one_state=False):
     while len(order) > 1:
         size = draw(st.integers(1, 5))
         group, order = order[:size], order[size:]
-        if one_state:
-            group = [i for i in group if labels[i] == labels[group[0]]]
         if len(group) > 1:
             groups.append(tuple(group))
     fixed = draw(st.dictionaries(ids, st.sampled_from(Split), max_size=10))
@@ -106,7 +104,7 @@ def test_groups_stay_whole(case, share, seed):
     assert all(len({sides[i] for i in group}) == 1 for group in groups)
 
 
-@given(divided(one_state=True), shares, st.integers(0, 9))
+@given(divided(), shares, st.integers(0, 9))
 def test_counts_are_within_the_largest_group_of_their_share(case, share, seed):
     labels, groups, _ = case
     sides = split(labels, groups, train_share=share, seed=seed)

@@ -5,7 +5,9 @@ really read, whatever their headers claim.
 """
 
 import io
+import lzma
 import os
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
@@ -21,6 +23,10 @@ __all__ = ["ImportReport", "Refused", "add_files", "add_folder", "add_zip"]
 
 MAX_ENTRIES = 20_000
 MAX_TOTAL_BYTES = 2_000_000_000
+_DAMAGE = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, ValueError, RuntimeError,
+    struct.error, MemoryError,
+)  # fmt: skip
 _IGNORED = {"thumbs.db", "desktop.ini", "__macosx"}
 
 
@@ -63,7 +69,7 @@ def add_files(
     project: Project, files: Iterable[tuple[str, bytes]], label: int | None = None
 ) -> ImportReport:
     """Add pictures and ZIP files by name and content."""
-    return _add(project, _expanded(files), label)
+    return _add(project, _expanded(_Incoming(name, data) for name, data in files), label)
 
 
 def add_folder(project: Project, folder: Path, label: int | None = None) -> ImportReport:
@@ -74,14 +80,18 @@ def add_folder(project: Project, folder: Path, label: int | None = None) -> Impo
     Raises:
         ImageError: if there is no such file or folder.
     """
-    if not folder.exists():
-        raise ImageError(f"there is no file or folder {folder}; check the path")
+    try:
+        folder.stat()
+    except (OSError, ValueError) as error:
+        raise ImageError(
+            f"there is no file or folder {folder} ({error}); check the path"
+        ) from error
     return _add(project, _expanded(_files_below(folder)), label)
 
 
 def add_zip(project: Project, data: bytes, label: int | None = None) -> ImportReport:
     """Add every picture of a ZIP; see `add_folder` for what its folders mean."""
-    return _add(project, _entries(data), label)
+    return _add(project, _entries(_Incoming("ZIP", data)), label)
 
 
 def _add(project: Project, incoming: Iterable[_Incoming], label: int | None) -> ImportReport:
@@ -89,13 +99,14 @@ def _add(project: Project, incoming: Iterable[_Incoming], label: int | None) -> 
     known: list[str] = []
     refused: list[Refused] = []
     for item in incoming:
+        name = _shown(item.name)
         if item.data is None:
-            refused.append(Refused(item.name, item.reason))
+            refused.append(Refused(name, item.reason))
             continue
         try:
-            one = project.add(item.data, item.name, _label_of(project, item.name, label))
+            one = project.add(item.data, name, _label_of(project, item.name, label))
         except ImageError as error:
-            refused.append(Refused(item.name, str(error)))
+            refused.append(Refused(name, str(error)))
             continue
         (added if one.is_new else known).append(one.image.id)
         split = _split_of(item.name)
@@ -107,62 +118,79 @@ def _add(project: Project, incoming: Iterable[_Incoming], label: int | None) -> 
 def _label_of(project: Project, name: str, label: int | None) -> int | None:
     """The innermost folder that is named as a state; else the label given for all."""
     for folder in reversed(PurePosixPath(name).parts[:-1]):
-        found = project.states.label(folder.replace("_", " "))
-        if found is not None:
-            return found
+        for words in (folder, folder.replace("_", " ")):
+            found = project.states.label(words)
+            if found is not None:
+                return found
     return label
 
 
 def _split_of(name: str) -> Split | None:
-    folders = {folder.casefold() for folder in PurePosixPath(name).parts[:-1]}
-    return next((split for split in Split if split.value in folders), None)
+    """The innermost folder that is named as a side."""
+    sides = {split.value: split for split in Split}
+    folders = (folder.casefold() for folder in reversed(PurePosixPath(name).parts[:-1]))
+    return next((sides[folder] for folder in folders if folder in sides), None)
 
 
-def _expanded(files: Iterable[tuple[str, bytes]]) -> Iterator[_Incoming]:
-    for name, data in files:
-        if data[:4] == b"PK\x03\x04" or (name.lower().endswith(".zip") and data):
-            yield from _entries(data, within=str(PurePosixPath(name).parent))
+def _shown(name: str) -> str:
+    """A name without what a screen or a file cannot hold."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in name)
+
+
+def _expanded(files: Iterable[_Incoming]) -> Iterator[_Incoming]:
+    for file in files:
+        data = file.data or b""
+        if data[:4] == b"PK\x03\x04" or (file.name.lower().endswith(".zip") and data):
+            yield from _entries(file)
         else:
-            yield _Incoming(name, data)
+            yield file
 
 
-def _files_below(path: Path) -> Iterator[tuple[str, bytes]]:
+def _files_below(path: Path) -> Iterator[_Incoming]:
     if path.is_file():
-        yield path.name, _limited(path)
+        yield _limited(path, path.name)
         return
-    for folder, folders, names in os.walk(path):  # does not follow links
+    unread: list[OSError] = []
+    for folder, folders, names in os.walk(path, onerror=unread.append):  # does not follow links
         folders[:] = sorted(f for f in folders if not _hidden(f))
         for name in sorted(n for n in names if not _hidden(n)):
             file = Path(folder) / name
             if file.is_file() and not file.is_symlink():
-                yield (Path(path.name) / file.relative_to(path)).as_posix(), _limited(file)
+                yield _limited(file, (Path(path.name) / file.relative_to(path)).as_posix())
+    for error in unread:
+        yield _Incoming(str(error.filename), None, f"the folder cannot be read ({error.strerror})")
 
 
-def _limited(path: Path) -> bytes:
+def _limited(path: Path, name: str) -> _Incoming:
     """At most one byte (ZIP: one whole limit) more than is allowed, so that it is refused."""
     limit = MAX_TOTAL_BYTES if path.suffix.lower() == ".zip" else MAX_BYTES
-    with path.open("rb") as file:
-        return file.read(limit + 1)
+    try:
+        with path.open("rb") as file:
+            return _Incoming(name, file.read(limit + 1))
+    except OSError as error:
+        return _Incoming(name, None, f"the file cannot be read ({error.strerror})")
 
 
 def _hidden(name: str) -> bool:
-    return name.startswith(".") or name.casefold() in _IGNORED
+    return (name.startswith(".") and name != "..") or name.casefold() in _IGNORED
 
 
-def _entries(data: bytes, within: str = ".") -> Iterator[_Incoming]:
+def _entries(file: _Incoming) -> Iterator[_Incoming]:
+    """The files of a ZIP. Their names are labels at most: nothing is written to them."""
+    within = PurePosixPath(file.name).parent
     try:
-        archive = zipfile.ZipFile(io.BytesIO(data))
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
-        yield _Incoming("ZIP", None, f"this ZIP file is damaged ({error}); make it again")
+        archive = zipfile.ZipFile(io.BytesIO(file.data or b""))
+    except _DAMAGE as error:
+        yield _Incoming(file.name, None, f"this ZIP file is damaged ({error}); make it again")
         return
     with archive:
         total = 0
         for count, entry in enumerate(archive.infolist()):
-            parts = PurePosixPath(entry.filename.replace("\\", "/")).parts
+            parts = PurePosixPath(entry.filename.replace("\\", "/").lstrip("/")).parts
             if entry.is_dir() or not parts or any(_hidden(part) for part in parts):
                 continue
             if count >= MAX_ENTRIES or total > MAX_TOTAL_BYTES:
-                yield _Incoming("ZIP", None, _too_much())
+                yield _Incoming(file.name, None, _too_much())
                 return
             item = _read_entry(archive, entry, str(PurePosixPath(within, *parts)))
             total += len(item.data or b"")
@@ -173,8 +201,7 @@ def _read_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str) -> 
     try:
         with archive.open(entry) as file:
             return _Incoming(name, file.read(MAX_BYTES + 1))
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImplementedError,
-            RuntimeError) as error:  # RuntimeError: it has a password  # fmt: skip
+    except _DAMAGE as error:  # RuntimeError: it has a password
         return _Incoming(name, None, f"it cannot be unpacked ({error})")
 
 
