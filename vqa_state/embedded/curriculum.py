@@ -72,7 +72,7 @@ def _pick(rng: np.random.Generator, options: Sequence[T]) -> T:
 
 
 def _with_article(article: str, noun: str) -> str:
-    """ "a" becomes "an" before a vowel sound, as in "an elevator"."""
+    """Put it before the noun; "a" becomes "an" before a vowel sound, as in "an elevator"."""
     if noun == "it":
         return noun
     return f"an {noun}" if article == "a" and noun[0] in "aeio" else f"{article} {noun}"

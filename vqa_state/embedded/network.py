@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
+from torch.nn import functional
 
 from vqa_state.embedded.text import MAX_WORDS, N_BUCKETS
 from vqa_state.embedded.trunk import N_TOKENS, TOKEN_WIDTH, Trunk
@@ -45,18 +45,19 @@ class Attention(nn.Module):
         )
 
     def remember(self, source: Tensor) -> tuple[Tensor, Tensor]:
-        """Keys and values, (n, n_heads, length, head_width) each, of a (n, length, width) source."""
+        """Keys and values of a (n, length, width) source: (n, n_heads, length, width / n_heads)."""
         key, value = self.key_value(source).chunk(2, dim=-1)
         return _split_heads(key), _split_heads(value)
 
     def forward(
         self, x: Tensor, memory: tuple[Tensor, Tensor], mask: Tensor | None = None
     ) -> Tensor:
-        """(n, length, width) slots read a memory; `mask` (n, 1, 1, source length) is true to read."""
+        """Let slots (n, length, width) read a memory; `mask`, (n, 1, 1, source length), permits."""
         query = _split_heads(self.query(self.query_norm(x)))
-        read = F.scaled_dot_product_attention(query, *memory, attn_mask=mask)
+        read = functional.scaled_dot_product_attention(query, *memory, attn_mask=mask)
         x = x + self.merge(read.transpose(1, 2).flatten(2))
-        return x + self.feed_forward(self.forward_norm(x))  # type: ignore[no-any-return]
+        forward: Tensor = self.feed_forward(self.forward_norm(x))
+        return x + forward
 
 
 class QuestionEncoder(nn.Module):
@@ -64,12 +65,12 @@ class QuestionEncoder(nn.Module):
 
     def __init__(self, n_slots: int, n_layers: int = 2) -> None:
         super().__init__()
-        # The sum of a word's pieces, as a table without a row for padding.
+        # The mean of a word's pieces; row 0, the padding, is left out of it.
         self.pieces = nn.EmbeddingBag(N_BUCKETS, _WORD_WIDTH, mode="mean", padding_idx=0)
         nn.init.normal_(self.pieces.weight, std=0.05)
         self.widen = nn.Linear(_WORD_WIDTH, _WIDTH)
         self.place = nn.Parameter(torch.randn(MAX_WORDS, _WIDTH) * 0.05)
-        self.layers = nn.ModuleList(Attention() for _ in range(n_layers))
+        self.layers = nn.ModuleList([Attention() for _ in range(n_layers)])
         self.slots = nn.Parameter(torch.randn(n_slots, _WIDTH) * 0.1)
         self.collect = Attention()
 
@@ -77,16 +78,17 @@ class QuestionEncoder(nn.Module):
         """Buckets (n, MAX_WORDS, N_PIECES) -> slots (n, n_slots, width)."""
         n_questions, n_words, n_pieces = buckets.shape
         pieces = self.pieces(buckets.reshape(-1, n_pieces)).view(n_questions, n_words, -1)
-        x = self.widen(pieces * _WORD_WIDTH**0.5) + self.place
+        x = self.widen(pieces * _WORD_WIDTH**0.5) + self.place[:n_words]
         mask = (buckets[:, :, 0] > 0)[:, None, None, :]
         for layer in self.layers:
+            assert isinstance(layer, Attention)  # noqa: S101  (nn.ModuleList forgets types)
             x = layer(x, layer.remember(layer.query_norm(x)), mask)
         slots = self.slots.expand(n_questions, -1, -1)
         return self.collect(slots, self.collect.remember(x), mask)  # type: ignore[no-any-return]
 
 
 class VQANetwork(nn.Module):
-    """Answers questions about images: `see` once an image, `read` once a question, then `answer`."""
+    """`see` once for every image, `read` once for every question, then `answer` all pairs."""
 
     def __init__(self, n_slots: int = 4, n_layers: int = 3) -> None:
         super().__init__()
@@ -100,7 +102,7 @@ class VQANetwork(nn.Module):
         self.token_dropout = nn.Dropout(0.2)
         self.place = nn.Parameter(torch.randn(N_TOKENS, _WIDTH) * 0.02)
         self.read = QuestionEncoder(n_slots)
-        self.layers = nn.ModuleList(Attention() for _ in range(n_layers))
+        self.layers = nn.ModuleList([Attention() for _ in range(n_layers)])
         self.decide = nn.Sequential(
             nn.LayerNorm(n_slots * _WIDTH),
             nn.Linear(n_slots * _WIDTH, _WIDTH),
@@ -116,10 +118,12 @@ class VQANetwork(nn.Module):
     def remember(self, tokens: Tensor) -> Memory:
         """Tokens (n_images, 49, 768) -> what questions read."""
         source = self.token_dropout(self.narrow(tokens)) + self.place
-        return Memory(tuple(layer.remember(source) for layer in self.layers))
+        return Memory(
+            tuple(layer.remember(source) for layer in self.layers if isinstance(layer, Attention))
+        )
 
     def answer(self, memory: Memory, slots: Tensor) -> Tensor:
-        """Logits (n_images, n_questions, n_answers) of slots (n_images, n_questions, n_slots, width).
+        """Slots (n_images, n_questions, n_slots, width) -> logits (..., n_questions, n_answers).
 
         All questions of an image stand in one row of slots; slots never read each other, so
         questions do not either.
@@ -134,4 +138,5 @@ class VQANetwork(nn.Module):
 
 def _split_heads(x: Tensor) -> Tensor:
     """(n, length, width) -> (n, n_heads, length, width / n_heads)."""
-    return x.unflatten(-1, (_N_HEADS, -1)).transpose(1, 2)
+    n, length, width = x.shape
+    return x.view(n, length, _N_HEADS, width // _N_HEADS).transpose(1, 2)

@@ -36,7 +36,6 @@ class Predictor:
             ModelError: if they are missing or damaged.
         """
         self._network: VQANetwork = load_network(path)
-        self._network.trunk.to(memory_format=torch.channels_last)
         self._cache: OrderedDict[str, Tensor] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -53,7 +52,7 @@ class Predictor:
         logits = torch.cat(
             [
                 self._network.answer(memory, _filled(block)[None])[0, : len(block)]
-                for block in slots.split(_BLOCK)
+                for block in torch.split(slots, _BLOCK)
             ]
         )
         best = logits.argmax(dim=-1).tolist()

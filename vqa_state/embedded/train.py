@@ -56,8 +56,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _train(chosen: argparse.Namespace, scenes: list[Example]) -> None:
     network = VQANetwork()
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     load_imagenet(network.trunk)
-    network.trunk.to(memory_format=torch.channels_last)
     examples, maps = _materials(chosen, network, scenes)
     lessons = Lessons(examples, _N_DRILLS, chosen.seed)
     about = {

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
+from torch.nn import functional
 
 from vqa_state.embedded.features import N_FROZEN_BLOCKS
 from vqa_state.embedded.lessons import UNKNOWN, Batch, Lessons
@@ -59,9 +59,7 @@ def tune_trunk(
     for parameter in late:
         parameter.requires_grad_(True)
     reader = [
-        parameter
-        for name, parameter in network.named_parameters()
-        if not name.startswith("trunk.")
+        parameter for name, parameter in network.named_parameters() if not name.startswith("trunk.")
     ]
     groups = [{"params": late, "lr": 1.5e-4}, {"params": reader, "lr": 3e-4}]
     n_steps = math.ceil(n_epochs * len(maps) / batch_size)
@@ -103,11 +101,11 @@ class _Learner:
         slots = self.network.read(batch.buckets)[batch.asked]
         logits = self.network.answer(memory, slots).flatten(0, 1)
         targets = batch.targets.flatten()
-        loss = F.cross_entropy(
+        loss = functional.cross_entropy(
             logits, targets, ignore_index=UNKNOWN, label_smoothing=_LABEL_SMOOTHING
         )
         self._optimizer.zero_grad(set_to_none=True)
-        loss.backward()
+        loss.backward()  # type: ignore[no-untyped-call]
         trained = [p for group in self._optimizer.param_groups for p in group["params"]]
         nn.utils.clip_grad_norm_(trained, _LARGEST_GRADIENT)
         self._optimizer.step()
@@ -123,7 +121,7 @@ def _all_tokens(network: VQANetwork, maps: Tensor) -> Tensor:
     """Tokens (n_examples, 49, 768) in float16 of all maps."""
     network.eval()
     parts = []
-    for part in maps.split(64):
+    for part in torch.split(maps, 64):
         ready = part.float().contiguous(memory_format=torch.channels_last)
         parts.append(network.trunk.finish(ready, N_FROZEN_BLOCKS).half())
     return torch.cat(parts)

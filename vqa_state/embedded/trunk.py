@@ -7,8 +7,8 @@ ReLU6) are from github.com/tensorflow/tpu, models/official/efficientnet/lite.
 from typing import NamedTuple
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
+from torch.nn import functional
 
 __all__ = ["INPUT_SIZE", "N_TOKENS", "STAGES", "TOKEN_WIDTH", "Stage", "Trunk"]
 
@@ -60,10 +60,12 @@ class SameConv(nn.Conv2d):
 
     def forward(self, x: Tensor) -> Tensor:
         """(n, inputs, h, w) -> (n, outputs, h / stride, w / stride); h, w divisible by stride."""
-        before, after, _, _ = self.pad
-        if before == after:
-            return F.conv2d(x, self.weight, self.bias, self.stride, before, 1, self.groups)
-        return F.conv2d(F.pad(x, self.pad), self.weight, self.bias, self.stride, 0, 1, self.groups)
+        before, after = self.pad[:2]
+        if before != after:
+            x, before = functional.pad(x, self.pad), 0
+        return functional.conv2d(
+            x, self.weight, self.bias, self.stride, before, self.dilation, self.groups
+        )
 
 
 class Block(nn.Module):
@@ -79,9 +81,10 @@ class Block(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(n, inputs, h, w) -> (n, width, h / stride, w / stride)."""
-        h = x if self.expand is None else F.relu6(self.expand(x))
-        h = self.project(F.relu6(self.depthwise(h)))
-        return x + h if self.adds_input else h
+        h: Tensor = x if self.expand is None else functional.relu6(self.expand(x))
+        h = functional.relu6(self.depthwise(h))
+        h = self.project(h)
+        return h + x if self.adds_input else h
 
 
 class Trunk(nn.Module):
@@ -103,17 +106,17 @@ class Trunk(nn.Module):
 
     def begin(self, pixels: Tensor, n_blocks: int) -> Tensor:
         """The stem and the first `n_blocks` blocks, which training may leave as they are."""
-        h = F.relu6(self.stem(pixels))
+        h = functional.relu6(self.stem(pixels))
         for block in self.blocks[:n_blocks]:
             h = block(h)
         return h
 
     def finish(self, h: Tensor, n_blocks: int) -> Tensor:
-        """All blocks from number `n_blocks` on; `n_blocks` is at most 11, so that `h` is 14 x 14."""
+        """Tokens from the output of `begin`; `n_blocks` is at most 11, so that it is 14 x 14."""
         fine = h
         for number in range(n_blocks, len(self.blocks)):
             h = self.blocks[number](h)
             if number == _FINE_BLOCK:
                 fine = h  # (n, 112, 14, 14)
-        both = torch.cat([h, F.pixel_unshuffle(fine, 2)], dim=1)  # (n, 768, 7, 7)
+        both = torch.cat([h, functional.pixel_unshuffle(fine, 2)], dim=1)  # (n, 768, 7, 7)
         return both.flatten(2).transpose(1, 2)

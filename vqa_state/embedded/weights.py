@@ -11,7 +11,14 @@ from safetensors.torch import load_file, save_file
 from vqa_state.embedded.network import VQANetwork
 from vqa_state.errors import ModelError
 
-__all__ = ["WEIGHTS", "load_network", "save_network", "weights_digest"]
+__all__ = [
+    "WEIGHTS",
+    "count_parameters",
+    "load_network",
+    "read_header",
+    "save_network",
+    "weights_digest",
+]
 
 #: The file that ships with the package.
 WEIGHTS = Path(__file__).with_name("weights.safetensors")
@@ -29,7 +36,9 @@ def load_network(path: Path = WEIGHTS) -> VQANetwork:
     Raises:
         ModelError: if the file is missing, damaged or made for another network.
     """
+    # Convolutions take half the time with the channels last.
     network = VQANetwork()
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     try:
         tensors = load_file(path)
         network.load_state_dict({name: value.float() for name, value in tensors.items()})

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from PIL.Image import Image
 
-from vqa_state.errors import MissingPackageError
-from vqa_state.models.base import RawAnswer, Reply
+from vqa_state.answers import Answer
+from vqa_state.models.base import Reply
 
 __all__ = ["EmbeddedModel"]
 
@@ -27,15 +27,14 @@ class EmbeddedModel:
         """Load the shipped weights, or those at another path.
 
         Raises:
-            MissingPackageError: if torch or safetensors is not installed.
+            ModuleNotFoundError: if torch or safetensors is not installed.
             ModelError: if the weights are missing or damaged.
         """
-        try:
-            from vqa_state.embedded.predictor import Predictor
-            from vqa_state.embedded.trunk import INPUT_SIZE
-            from vqa_state.embedded.weights import WEIGHTS, weights_digest
-        except ModuleNotFoundError as error:
-            raise MissingPackageError(self.name, error.name or "torch") from error
+        # Torch is imported here, so that naming this class loads nothing heavy.
+        from vqa_state.embedded.predictor import Predictor
+        from vqa_state.embedded.trunk import INPUT_SIZE
+        from vqa_state.embedded.weights import WEIGHTS, weights_digest
+
         path = WEIGHTS if weights is None else weights
         self._predictor = Predictor(path)
         self._fingerprint = (
@@ -55,4 +54,4 @@ class EmbeddedModel:
         for image_number, image in enumerate(images):
             answers = self._predictor.answer(image, slots)
             for question_number, (text, p_yes) in enumerate(answers):
-                yield Reply(image_number, question_number, RawAnswer(text, p_yes))
+                yield Reply(image_number, question_number, Answer(text, p_yes))

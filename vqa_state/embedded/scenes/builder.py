@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -128,7 +129,7 @@ class SceneBuilder:
 
     def tube(self, points: Sequence[Vector], radius: float, material: str) -> None:
         """Add a bent round bar through all points."""
-        for start, end in zip(points, points[1:], strict=False):
+        for start, end in pairwise(points):
             self.rod(start, end, radius, material)
 
     def lamp(self, name: str, at: Vector) -> None:

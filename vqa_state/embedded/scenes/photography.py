@@ -37,7 +37,7 @@ def _bloom(pixels: Pixels, strength: float) -> Pixels:
 def _fade(pixels: Pixels, rng: np.random.Generator) -> Pixels:
     """Take out part of the colour."""
     grey = pixels.mean(axis=2, keepdims=True)
-    return grey + (pixels - grey) * np.float32(rng.uniform(0.45, 1.05))
+    return np.asarray(grey + (pixels - grey) * rng.uniform(0.45, 1.05), np.float32)
 
 
 def _expose(pixels: Pixels, rng: np.random.Generator) -> Pixels:
@@ -52,4 +52,4 @@ def _vignette(height: int, width: int, strength: float) -> Pixels:
     """Factors of shape (height, width, 1) that fall towards the corners."""
     y = np.linspace(-1, 1, height, dtype=np.float32)[:, None]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :]
-    return (1 - strength * (x * x + y * y) / 2)[..., None]
+    return np.asarray(1 - strength * (x * x + y * y) / 2, np.float32)[..., None]

@@ -135,7 +135,7 @@ def _desktop(rng: np.random.Generator) -> NDArray[np.uint8]:
     y, x = np.mgrid[0:_HEIGHT, 0:_WIDTH]
     blend = (x / _WIDTH * rng.random() + y / _HEIGHT * rng.random())[..., None]
     pixels = rng.uniform(low, high, 3) * (1 - blend) + rng.uniform(low, high, 3) * blend
-    return np.clip(pixels, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(pixels, 0, 255).astype(np.uint8))
 
 
 def _landscape(rng: np.random.Generator) -> NDArray[np.uint8]:
