@@ -11,7 +11,7 @@ import numpy as np
 
 __all__ = ["Split", "divide", "look_alikes"]
 
-LOOK_ALIKE_BITS = 4
+LOOK_ALIKE_BITS = 8
 """Perceptual hashes (64 bits) that differ in at most so many bits belong to look-alikes."""
 
 
