@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from conftest import picture
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.conftest import picture
 from vqa_state import asking
 from vqa_state.answers import MISSING, Answer
 from vqa_state.asking import answer_table, ask, plan

@@ -5,11 +5,11 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from conftest import draw
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from tests.conftest import draw
 from vqa_state.augment import Augmentation, AugmentationKind, copies, copy_of, rgb_shifts
 from vqa_state.images import pixel_hash
 
@@ -72,11 +72,13 @@ def test_shifts_stay_in_range(seed, number, amount):
     assert all(-amount <= shift <= amount for shift in rgb_shifts(HASH, amount, seed, number))
 
 
-def test_a_whole_channel_moves_by_one_value_and_is_clipped():
+@pytest.mark.parametrize("amount", [0.1, 1.0])
+def test_a_whole_channel_moves_by_one_value_and_is_clipped(amount):
     ramp = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
     for number in range(6):
-        shifts = rgb_shifts(HASH, 0.1, 0, number)
-        moved = np.asarray(copy_of(Image.fromarray(ramp), HASH, Augmentation(), 0, number))
+        shifts = rgb_shifts(HASH, amount, 0, number)
+        kind = Augmentation(amount=amount)
+        moved = np.asarray(copy_of(Image.fromarray(ramp), HASH, kind, 0, number))
         for channel, shift in enumerate(shifts):
             expected = [
                 min(255, max(0, int((level + 255 * shift + 0.5) // 1))) for level in range(256)

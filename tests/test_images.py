@@ -9,11 +9,11 @@ import zlib
 import numpy as np
 import pillow_heif
 import pytest
+from conftest import draw, encode, picture
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from tests.conftest import draw, encode, picture
 from vqa_state import images
 from vqa_state.errors import ImageError
 from vqa_state.images import (
@@ -130,8 +130,8 @@ def test_what_is_transparent_becomes_white():
 
 
 def test_16_bit_grey_is_scaled():
-    values = np.array([[0, 257, 128 * 257, 65535]], np.uint16)
-    assert as_array(encode(Image.fromarray(values)))[0, :, 0].tolist() == [0, 1, 128, 255]
+    values = np.array([[0, 256, 257, 128 * 257, 65534, 65535]], np.uint16)
+    assert as_array(encode(Image.fromarray(values)))[0, :, 0].tolist() == [0, 0, 1, 128, 254, 255]
 
 
 def test_grey_and_two_colours():

@@ -9,10 +9,10 @@ import warnings
 import zipfile
 
 import pytest
+from conftest import picture
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.conftest import picture
 from vqa_state import images, importing
 from vqa_state.errors import ImageError, ProjectError
 from vqa_state.importing import add_files, add_folder, add_zip

@@ -10,8 +10,8 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from kill_worker import answer
 
-from tests.kill_worker import answer
 from vqa_state.asking import answer_table, ask, plan
 from vqa_state.augment import copies
 from vqa_state.images import pixel_hash, read_picture
@@ -19,13 +19,14 @@ from vqa_state.models.fake import ScriptedModel
 from vqa_state.splits import Split
 from vqa_state.store import AnswerStore, copy_keys
 
+WORKER = Path(__file__).with_name("kill_worker.py")
 ROOT = Path(__file__).parent.parent
-N_KILLS = 6
+N_KILLS = 5
 FINGERPRINT = "scripted/1"
 
 
 def start(project, calls, seconds):
-    command = [sys.executable, "-m", "tests.kill_worker", project.folder, calls, str(seconds)]
+    command = [sys.executable, WORKER, project.folder, calls, str(seconds)]
     return subprocess.Popen(command, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)})
 
 

@@ -4,8 +4,8 @@ import subprocess
 import sys
 
 import pytest
+from conftest import draw
 
-from tests.conftest import draw
 from vqa_state import models
 from vqa_state.answers import Answer
 from vqa_state.errors import MissingPackageError, ModelError, UnknownModelError

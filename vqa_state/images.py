@@ -125,10 +125,9 @@ def _open(data: bytes) -> Image.Image:
 
         if not pillow_heif.is_supported(data):
             raise
-        heif = pillow_heif.open_heif(data)  # rotated by the library, as its own header says
+        heif = pillow_heif.open_heif(data)
         _check_size(*heif.size)
-        opened: Image.Image = heif.to_pillow()
-        opened.getexif().pop(0x0112, None)  # so that it is not turned twice
+        opened: Image.Image = heif.to_pillow()  # turned already, and its EXIF says so
         opened.format = "HEIF"
         return opened
 
