@@ -55,7 +55,9 @@ def build() -> Parts:
             negative = gr.Textbox(
                 label="The other state", placeholder="closed", elem_id="new-negative"
             )
-        create = gr.Button("Create project", variant="primary", elem_id="create")
+        create = gr.Button(
+            "Create project", variant="primary", elem_id="create", scale=0, min_width=170
+        )
     road = widgets.note("road")
     return Parts(
         project, new, name, positive, negative, create,

@@ -1,6 +1,7 @@
 """The server behind the app: one FastAPI app with our routes and gradio's page, under the guard."""
 
 import argparse
+import errno
 import socket
 import sys
 import threading
@@ -20,14 +21,20 @@ from vqa_state.web.desk import Desk
 from vqa_state.web.guard import LocalGuard
 from vqa_state.web.routes import explain, routes
 
-__all__ = ["build_app", "main"]
+__all__ = ["build_api", "build_app", "main"]
+
+
+def build_api(desk: Desk) -> FastAPI:
+    """Our own routes alone, without the page and without the guard."""
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    app.add_exception_handler(VQAStateError, explain)
+    app.include_router(routes(desk))
+    return app
 
 
 def build_app(desk: Desk, hosts: Sequence[str] = ()) -> ASGIApp:
     """The whole app, for the projects on this desk; `hosts` are further names of this machine."""
-    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    app.add_exception_handler(VQAStateError, explain)
-    app.include_router(routes(desk))
+    app = build_api(desk)
     gr.mount_gradio_app(
         app, site.build(desk), path="/",
         max_file_size=MAX_BYTES, theme=site.theme(), css_paths=[site.STYLE],
@@ -82,8 +89,6 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 def _reason(options: argparse.Namespace, error: OSError) -> str:
-    import errno
-
     if error.errno == errno.EADDRINUSE:
         return (
             f"port {options.port} is taken, perhaps by this app in another window; stop that one, "

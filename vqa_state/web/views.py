@@ -11,12 +11,14 @@ from vqa_state.report import ImageAnswer, image_answers
 
 __all__ = [
     "counted",
+    "download",
     "image_card",
     "image_row",
     "images_value",
     "missed_card",
     "note",
     "questions_value",
+    "unfolding",
 ]
 
 Value = dict[str, Any]
@@ -25,6 +27,11 @@ Value = dict[str, Any]
 def note(text: str, tone: str = "plain", share: float | None = None) -> Value:
     """A line of text; tones: plain, good, warn, bad. `share` in [0, 1] draws a bar below."""
     return {"text": text, "tone": tone, "share": share}
+
+
+def unfolding(text: str, title: str, lines: Sequence[str]) -> Value:
+    """A note with lines that can be unfolded below it."""
+    return note(text) | {"more": {"title": title, "lines": list(lines)}}
 
 
 def download(href: str, text: str) -> Value:
@@ -76,6 +83,7 @@ def missed_card(project: Project, missed: MissedImage, texts: Sequence[str]) -> 
 def _card(project: Project, image_id: str, answers: Sequence[ImageAnswer]) -> Value:
     image = project.images[image_id]
     state = "no label" if image.label is None else project.states.of(image.label)
+    votes = [sum(answer.speaks_for == side for answer in answers) for side in (1, -1, 0)]
     said: dict[str, Counter[str]] = {}
     for answer in answers:
         said.setdefault(answer.question, Counter())[answer.text] += 1
@@ -83,7 +91,8 @@ def _card(project: Project, image_id: str, answers: Sequence[ImageAnswer]) -> Va
         "image": image_id,
         "title": image.name,
         "note": f"is {state}",
-        "votes": [sum(a.speaks_for == side for a in answers) for side in (1, -1, 0)],
+        "votes": votes,
+        "right": (votes[0] - votes[1]) * (image.label or 0),
         "answers": [[question, counted(texts)] for question, texts in said.items()],
     }
 

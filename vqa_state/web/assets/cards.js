@@ -13,7 +13,7 @@ function voteBar(votes, states) {
   return el('div', {className: 'cd-votes'}, bar, el('small', {}, text));
 }
 
-function answerList(answers, open) {
+function answerList(answers, open = false) {
   const rows = answers.map(([question, said]) => el('li', {}, el('span', {}, question), el('b', {}, said)));
   const title = `raw answers to ${answers.length} question${answers.length === 1 ? '' : 's'}`;
   return el('details', {className: 'cd-answers', open}, el('summary', {}, title), el('ul', {}, ...rows));

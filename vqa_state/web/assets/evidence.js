@@ -2,11 +2,11 @@
 // Value: {project, states, title, cards: [{image, title, note, votes: [+, -, invalid],
 // answers: [[question, said]]}]}.
 
-function card({image, title, note, votes, answers}, {project, states, cards}) {
+function card({image, title, note, votes, answers}, {project, states}) {
   return el('article', {},
     el('img', {src: `/projects/${project}/thumbs/${image}`, alt: title, loading: 'lazy'}),
-    el('div', {}, el('b', {title}, title), el('span', {className: 'ev-note'}, note),
-      voteBar(votes, states), answerList(answers, cards.length < 40 && answers.length === 1)));
+    el('div', {}, el('b', {title}, title), el('span', {className: 'ev-note'}, note), voteBar(votes, states)),
+    answers.length === 1 ? el('p', {className: 'ev-said'}, answers[0][1]) : answerList(answers));
 }
 
 function build() {

@@ -38,11 +38,11 @@ function draw(figure, {title, total, points, terms}) {
   find('.sc-high').textContent = points.length ? high.toFixed(1) : '';
   find('.sc-low').textContent = points.length ? low.toFixed(1) : '';
   find('.sc-last').textContent = total || '';
-  const last = points[points.length - 1];
+  const last = points[points.length - 1];   // the legend is in the words: solid best, dashed mean
   find('.sc-now').textContent = last
-    ? `generation ${last[0]} of ${total} · best ${last[1].toFixed(3)} · mean ${last[2].toFixed(3)}`
+    ? `best ${last[1].toFixed(3)} · mean ${last[2].toFixed(3)}`
     : 'not started';
-  find('svg').setAttribute('aria-label', `${title}: ${find('.sc-now').textContent}`);
+  find('svg').setAttribute('aria-label', last ? `${title}: generation ${last[0]} of ${total}, ${find('.sc-now').textContent}` : title);
   find('dl').replaceChildren(...terms.flatMap(([term, value]) => [el('dt', {}, term), el('dd', {}, value)]));
   figure.dataset.generation = last ? last[0] : '';
 }

@@ -9,10 +9,9 @@ function draw(verdict, url) {
   if (!verdict) return;
   picture.hidden = !url;
   if (url) picture.src = url;
-  const sure = verdict.confidence === null ? '' : ` · ${Math.round(100 * verdict.confidence)} % of the valid votes`;
   said.replaceChildren(
     el('strong', {className: 'vd-state', data: {state: verdict.state}}, verdict.state_name),
-    el('span', {className: 'vd-why'}, `${verdict.reason}${verdict.state === 'unknown' ? '' : sure}`),
+    el('span', {className: 'vd-why'}, verdict.reason),
     voteBar(verdict.votes, verdict.states),
     el('span', {className: 'vd-why'}, `${verdict.n_calls} calls · ${verdict.milliseconds} ms`),
     answerList(verdict.answers, verdict.answers.length <= 8));

@@ -55,8 +55,10 @@ def build(tab: gr.Tab) -> Parts:
             n_copies = gr.Slider(1, 24, step=1, label="Copies of each image")
     cost = widgets.note("cost")
     with gr.Row():
-        start = gr.Button("Ask the model", variant="primary", elem_id="ask-start")
-        stop = gr.Button("Stop", interactive=False, elem_id="ask-stop")
+        start = gr.Button(
+            "Ask the model", variant="primary", elem_id="ask-start", scale=0, min_width=170
+        )
+        stop = gr.Button("Stop", interactive=False, elem_id="ask-stop", scale=0, min_width=170)
     progress = widgets.note("ask-progress")
     seen = gr.Textbox(visible=False)
     timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)

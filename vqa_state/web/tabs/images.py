@@ -41,7 +41,7 @@ def build(tab: gr.Tab) -> Parts:
             share = gr.Slider(0.1, 0.9, 0.5, step=0.05, label="Share for training")
             seed = gr.Number(0, label="Seed of the split and of the copies", precision=0, minimum=0)
             afresh = gr.Checkbox(False, label="Divide again those that have a side already")
-        split = gr.Button("Divide", variant="primary", elem_id="split")
+        split = gr.Button("Divide", variant="primary", elem_id="split", scale=0, min_width=170)
         said = widgets.note("split-note")
     return Parts(tab, grid, share, seed, afresh, split, said)
 

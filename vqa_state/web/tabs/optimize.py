@@ -65,8 +65,10 @@ def build(tab: gr.Tab) -> Parts:
     with gr.Accordion("Advanced: settings of the search", open=False):
         numbers = _numbers()
     with gr.Row():
-        start = gr.Button("Optimize", variant="primary", elem_id="optimize-start")
-        stop = gr.Button("Stop", interactive=False, elem_id="optimize-stop")
+        start = gr.Button(
+            "Optimize", variant="primary", elem_id="optimize-start", scale=0, min_width=170
+        )
+        stop = gr.Button("Stop", interactive=False, elem_id="optimize-stop", scale=0, min_width=170)
     said = widgets.note("optimize-note")
     chart = widgets.search_chart("chart")
     seen = gr.Textbox(visible=False)

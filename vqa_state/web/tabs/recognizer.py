@@ -16,7 +16,7 @@ from vqa_state.web import checks, verdicts, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
 from vqa_state.web.tabs.optimize import HINTS
-from vqa_state.web.views import download, note
+from vqa_state.web.views import download, note, unfolding
 
 __all__ = ["Parts", "build", "wire"]
 
@@ -95,16 +95,20 @@ def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
     except RecognizerError as error:
         return note(f"{error}", "bad"), note(""), {}
     href = f"/projects/{quote(pid)}/recognizers/{quote(chosen.value)}.json"
-    return note(_about(recognizer)), download(href, "Download the recognizer (JSON)"), place
+    return _about(recognizer), download(href, "Download the recognizer (JSON)"), place
 
 
-def _about(recognizer: Recognizer) -> str:
-    train = recognizer.scores.train
-    questions = "\n".join(f"  {question.text}" for question in recognizer.questions)
-    finished = "" if recognizer.origin.finished else "\nIts search was stopped before the end."
-    return (
-        f"{len(recognizer.questions)} questions about {recognizer.copies.n_copies} copies: "
-        f"{recognizer.calls_per_image} calls for an image, to the model {recognizer.model.name}.\n"
-        f"Training images: {train.n_recognized} of {train.n_images} recognized."
-        f"{finished}\n{questions}"
-    )
+def _about(recognizer: Recognizer) -> Any:
+    train, n_copies = recognizer.scores.train, recognizer.copies.n_copies
+    n_questions = len(recognizer.questions)
+    questions = "1 question" if n_questions == 1 else f"{n_questions} questions"
+    lines = [
+        f"{questions} about {n_copies} copies of an image: {recognizer.calls_per_image} calls to "
+        f"the model “{recognizer.model.name}”.",
+        f"It recognizes {train.n_recognized} of the {train.n_images} training images that chose "
+        "its questions; for new images, see the test images on Results.",
+    ]
+    if not recognizer.origin.finished:
+        lines.append("Its search was stopped before the end.")
+    texts = [question.text for question in recognizer.questions]
+    return unfolding("\n".join(lines), f"its {questions}", texts)

@@ -58,7 +58,7 @@ def build(tab: gr.Tab) -> Parts:
         "### Sets of questions on the test images\nThese images chose nothing. Each look tempts to "
         "choose by them, so looks are counted."
     )
-    look = gr.Button("Look at the test images", elem_id="look")
+    look = gr.Button("Look at the test images", elem_id="look", scale=0, min_width=170)
     test = gr.Dataframe(interactive=False, elem_id="test-table", show_label=False, visible=False)
     sentences = widgets.note("sentences")
     test_missed = widgets.evidence("test-missed")
@@ -110,7 +110,7 @@ def pick(desk: Desk, pid: str, data: Any) -> Any:
         raise ProjectError("the project has no such question any more; choose another cell")
     images = project.labelled(Split.TRAIN)
     cards = [image_card(project, image.id, [text]) for image in images]
-    return _evidence(pid, project, text, cards)
+    return _evidence(pid, project, text, sorted(cards, key=_rightness))
 
 
 def missed_train(desk: Desk, pid: str, data: Any) -> Any:
@@ -132,22 +132,33 @@ def _missed(desk: Desk, pid: str, data: Any, split: Split) -> Any:
     missed = row.train_missed if split is Split.TRAIN else row.test_missed
     texts = [found.train.questions[position].text for position in row.subset]
     cards = [missed_card(project, one, texts) for one in missed]
-    many = "every image" if not cards else f"not {len(cards)}"
-    title = f"{row.name.value} recognizes {many} of the {split.value} images"
-    return _evidence(pid, project, title + ("" if cards else "."), cards)
+    n_images = (found.train if split is Split.TRAIN else found.test or found.train).n_images
+    title = (
+        f"{row.name.value} does not recognize {len(cards)} of the {n_images} {split.value} images"
+        if cards
+        else f"{row.name.value} recognizes all {n_images} {split.value} images"
+    )
+    return _evidence(pid, project, title, cards)
 
 
 def _row(found: Results, data: Any) -> Row:
-    index = checks.json_object(data).get("index")
-    at = checks.integer(index[0] if isinstance(index, list) and index else None, "the row")
-    if not 0 <= at < len(found.evaluation.rows):
+    """The row by its name: the reader may have sorted the table."""
+    values = checks.json_object(data).get("row_value")
+    name = values[0] if isinstance(values, list) and values else None
+    rows = {row.name.value: row for row in found.evaluation.rows}
+    if not isinstance(name, str) or name not in rows:
         raise checks.RequestError("the table has no such row; choose another one")
-    return found.evaluation.rows[at]
+    return rows[name]
 
 
 def _evidence(pid: str, project: Project, title: str, cards: list[Any]) -> Any:
     states = [project.states.positive, project.states.negative]
     return {"project": pid, "states": states, "title": title, "cards": cards}
+
+
+def _rightness(card: Any) -> tuple[int, str]:
+    """Most wrong first."""
+    return card["right"], card["title"]
 
 
 def _results(project: Project) -> tuple[Results | None, Any]:

@@ -1,0 +1,147 @@
+"""A desk with projects, a scripted model, and the app in a thread, for all web tests."""
+
+import hashlib
+import io
+import os
+import shutil
+import threading
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"  # before gradio is imported, as app.py does
+
+from vqa_state import models
+from vqa_state.answers import Answer
+from vqa_state.asking import ask
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.project import Project
+from vqa_state.tuning import optimize
+from vqa_state.web.desk import Desk
+
+
+def picture(number: int, *, dark: bool) -> bytes:
+    """A PNG that looks like no other number's: 8 × 8 random blocks, dark or bright."""
+    rng = np.random.default_rng([number, dark])
+    low, high = (0, 90) if dark else (165, 256)
+    blocks = rng.integers(low, high, (8, 8, 3), dtype=np.uint8)
+    data = io.BytesIO()
+    Image.fromarray(blocks).resize((64, 64), Image.Resampling.NEAREST).save(data, "PNG")
+    return data.getvalue()
+
+
+def says(image: Image.Image, question: str) -> Answer:
+    """Sees whether a picture is dark, and errs in a way of its own for each question."""
+    dark = np.asarray(image.convert("L")).mean() < 128
+    noise = hashlib.sha256(question.encode() + image.resize((4, 4)).tobytes()).digest()
+    if noise[0] < 25:
+        return Answer("not sure")
+    wrong = noise[1] < len(question)
+    yes = bool(dark) ^ ("closed" in question or "not" in question) ^ wrong
+    return Answer("yes" if yes else "no")
+
+
+class Gate:
+    """Lets a model's answers through once it is open; `reached` says that one waits."""
+
+    def __init__(self) -> None:
+        self.opened, self.reached = threading.Event(), threading.Event()
+
+    def pass_through(self) -> None:
+        self.reached.set()
+        assert self.opened.wait(60), "nobody opened the gate"
+
+
+@pytest.fixture
+def gate() -> Iterator[Gate]:
+    """A gate before the model's 200th answer; open unless a test closes it."""
+    one = Gate()
+    one.opened.set()
+    yield one
+    one.opened.set()
+
+
+@pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch, gate: Gate) -> ScriptedModel:
+    """A model under the name "scripted"."""
+
+    def script(image: Image.Image, question: str) -> Answer:
+        if len(model.asked) == 200:
+            gate.pass_through()
+        return says(image, question)
+
+    model = ScriptedModel(script)
+    monkeypatch.setitem(models._factories, "scripted", lambda: model)
+    return model
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    """A desk without projects."""
+    folder = tmp_path / "projects"
+    folder.mkdir()
+    return Desk(folder)
+
+
+@pytest.fixture(scope="session")
+def labelled_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with 16 labelled, divided pictures and its 16 questions about one door."""
+    desk = Desk(tmp_path_factory.mktemp("labelled"))
+    pid = desk.create("door", "open", "closed")
+    with desk.changing(pid) as project:
+        for number in range(8):
+            for dark in (True, False):
+                name = f"{'open' if dark else 'closed'}-{number}.png"
+                project.add(picture(number, dark=dark), name, 1 if dark else -1)
+        project.assign_splits()
+        project.search = replace(project.search, population=60, generations=8)
+    return desk.root / pid
+
+
+@pytest.fixture(scope="session")
+def asked_folder(labelled_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same project with all its answers."""
+    folder = tmp_path_factory.mktemp("asked") / labelled_folder.name
+    shutil.copytree(labelled_folder, folder)
+    project, model = Project.open(folder), ScriptedModel(says)
+    project.model, project.fingerprint = model.name, model.fingerprint
+    project.save()
+    deque(ask(project, model), maxlen=0)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def optimized_folder(asked_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same project with its recognizers."""
+    folder = tmp_path_factory.mktemp("optimized") / asked_folder.name
+    shutil.copytree(asked_folder, folder)
+    deque(optimize(Project.open(folder)), maxlen=0)
+    return folder
+
+
+@pytest.fixture
+def pid(desk: Desk, labelled_folder: Path) -> str:
+    """Id of a labelled project on the desk."""
+    return copied(labelled_folder, desk)
+
+
+@pytest.fixture
+def asked(desk: Desk, asked_folder: Path, scripted: ScriptedModel) -> str:
+    """Id of a project with all its answers on the desk."""
+    return copied(asked_folder, desk)
+
+
+@pytest.fixture
+def optimized(desk: Desk, optimized_folder: Path, scripted: ScriptedModel) -> str:
+    """Id of a project with its recognizers on the desk."""
+    return copied(optimized_folder, desk)
+
+
+def copied(folder: Path, desk: Desk) -> str:
+    shutil.copytree(folder, desk.root / folder.name, dirs_exist_ok=True)
+    return folder.name
