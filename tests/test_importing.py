@@ -182,6 +182,15 @@ def test_links_are_not_followed(tmp_path, empty):
     assert outcome(empty, add_folder(empty, folder)) == {"2.png": (None, None)}
 
 
+def test_the_projects_own_folder_is_passed_over(project):
+    n_before = len(project.images)
+    folder = write(project.folder.parent, {"1.png": picture(1), "new.png": picture(70)})
+    report = add_folder(project, folder)
+    assert (len(report.added), len(report.already_there), report.refused) == (1, 1, ())
+    assert len(project.images) == n_before + 1
+    assert add_folder(project, project.folder).sentence() == "0 added"
+
+
 def test_a_file_that_cannot_be_opened_is_refused_and_ends_nothing(tmp_path, empty, monkeypatch):
     folder = write(tmp_path / "pictures", {"1.png": picture(1), "2.png": picture(2)})
     opened = type(folder).open

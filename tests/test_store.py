@@ -4,6 +4,7 @@ import sqlite3
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -101,7 +102,11 @@ def test_all_or_none(store):
 
     with pytest.raises(RuntimeError):
         store.save("m", breaks_off())
+    no_text = SimpleNamespace(text=object(), p_yes=None)
+    with pytest.raises(sqlite3.Error):
+        store.save("m", [(KEY, "Open?", Answer("yes")), (KEY, "Closed?", no_text)])
     assert len(store) == 0
+    assert store._db.execute("SELECT count(*) FROM question").fetchone() == (0,)
     store.save("m", [(KEY, "Open?", Answer("yes"))])
     assert len(store) == 1
 

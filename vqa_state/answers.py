@@ -8,6 +8,7 @@ import re
 import unicodedata
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -62,7 +63,7 @@ class Answer:
 _YES = frozenset({"yes", "yeah", "yep", "yup", "true", "correct"})
 _NO = frozenset({"no", "nope", "nah", "false", "incorrect"})
 _TAG = re.compile(r"<[^<>]*>")
-_ROLE = re.compile(r"^\W*(?:assistant|answer|a)\s*[:\-\n]\s*")
+_ROLE = re.compile(r"^[\W_]*(?:assistant|answer|a)[\s*_\"']*[:\-\n]\s*")
 _WORD = re.compile(r"[^\W_]+(?:['-][^\W_]+)*")
 _SET_OFF = re.compile(r"\s*(?:[.,;:!\n]|[–—]|-\s)")
 _HEDGE = re.compile(
@@ -76,6 +77,7 @@ _HEDGE = re.compile(
 _NOBODY = re.compile(r"\W*no one\b")
 
 
+@lru_cache(maxsize=1024)  # a model says the same few things again and again
 def read_answer(text: str) -> Reading:
     """Read a clear yes or no out of free text; never guess from content words.
 

@@ -24,8 +24,8 @@ __all__ = ["ImportReport", "Refused", "add_files", "add_folder", "add_zip"]
 MAX_ENTRIES = 20_000
 MAX_TOTAL_BYTES = 2_000_000_000
 _DAMAGE = (
-    zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, ValueError, RuntimeError,
-    struct.error, MemoryError,
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, ValueError, LookupError,
+    RuntimeError, struct.error, MemoryError,
 )  # fmt: skip
 _IGNORED = {"thumbs.db", "desktop.ini", "__macosx"}
 
@@ -86,7 +86,7 @@ def add_folder(project: Project, folder: Path, label: int | None = None) -> Impo
         raise ImageError(
             f"there is no file or folder {folder} ({error}); check the path"
         ) from error
-    return _add(project, _expanded(_files_below(folder)), label)
+    return _add(project, _expanded(_files_below(folder, project.folder)), label)
 
 
 def add_zip(project: Project, data: bytes, label: int | None = None) -> ImportReport:
@@ -146,12 +146,17 @@ def _expanded(files: Iterable[_Incoming]) -> Iterator[_Incoming]:
             yield file
 
 
-def _files_below(path: Path) -> Iterator[_Incoming]:
+def _files_below(path: Path, project_folder: Path) -> Iterator[_Incoming]:
+    """Not those of the project itself, whose thumbnails would become images."""
     if path.is_file():
         yield _limited(path, path.name)
         return
     unread: list[OSError] = []
+    own = project_folder.resolve()
     for folder, folders, names in os.walk(path, onerror=unread.append):  # does not follow links
+        if Path(folder).resolve() == own:
+            folders.clear()
+            continue
         folders[:] = sorted(f for f in folders if not _hidden(f))
         for name in sorted(n for n in names if not _hidden(n)):
             file = Path(folder) / name
@@ -187,7 +192,7 @@ def _entries(file: _Incoming) -> Iterator[_Incoming]:
         total = 0
         for count, entry in enumerate(archive.infolist()):
             parts = PurePosixPath(entry.filename.replace("\\", "/").lstrip("/")).parts
-            if entry.is_dir() or not parts or any(_hidden(part) for part in parts):
+            if not parts or entry.is_dir() or any(_hidden(part) for part in parts):
                 continue
             if count >= MAX_ENTRIES or total > MAX_TOTAL_BYTES:
                 yield _Incoming(file.name, None, _too_much())
