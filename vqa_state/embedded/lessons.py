@@ -10,10 +10,11 @@ from torch import Tensor
 
 from vqa_state.embedded.curriculum import Drill, make_drills
 from vqa_state.embedded.dataset import Example
+from vqa_state.embedded.scenes import THINGS
 from vqa_state.embedded.text import encode_questions
 from vqa_state.embedded.vocabulary import ANSWERS
 
-__all__ = ["Batch", "Lessons"]
+__all__ = ["UNKNOWN", "Batch", "Lessons"]
 
 #: The target of a question that nobody can answer for a picture; the loss leaves it out.
 UNKNOWN = -100
@@ -25,12 +26,18 @@ class Batch:
 
     `rows` (n_images,) are positions in the list of examples. `buckets` are the batch's different
     questions, `asked` (n_images, n_questions) picks from them, `targets` are the right answers.
+    `states` (n_images,) are 1 for positive pictures, 0 for others; `things` (n_images,) are
+    positions in THINGS; `meanings`, one for each of the different questions, are what "yes" says:
+    0 the positive state, 1 the negative one, 2 neither, `UNKNOWN` for questions about facts.
     """
 
     rows: NDArray[np.int64]
     buckets: Tensor
     asked: Tensor
     targets: Tensor
+    states: Tensor
+    things: Tensor
+    meanings: Tensor
 
 
 class Lessons:
@@ -43,6 +50,10 @@ class Lessons:
         self._drills = {thing: make_drills(thing, n_drills, self._rng) for thing in things}
         self._buckets = {
             thing: torch.from_numpy(encode_questions([drill.text for drill in drills]))
+            for thing, drills in self._drills.items()
+        }
+        self._meanings = {
+            thing: torch.tensor([_meaning(drill) for drill in drills])
             for thing, drills in self._drills.items()
         }
         self._targets = [_targets(example, self._drills) for example in examples]
@@ -66,7 +77,22 @@ class Lessons:
             [first[self._examples[row].thing] + np.arange(n_questions) for row in rows]
         )
         targets = np.stack([self._targets[row][chosen[self._examples[row].thing]] for row in rows])
-        return Batch(rows, buckets[:, :longest], torch.from_numpy(asked), torch.from_numpy(targets))
+        drawn = [self._examples[row] for row in rows]
+        return Batch(
+            rows=rows,
+            buckets=buckets[:, :longest],
+            asked=torch.from_numpy(asked),
+            targets=torch.from_numpy(targets),
+            states=torch.tensor([float(example.is_positive) for example in drawn]),
+            things=torch.tensor([THINGS.index(example.thing) for example in drawn]),
+            meanings=torch.cat([self._meanings[thing][chosen[thing]] for thing in things]),
+        )
+
+
+def _meaning(drill: Drill) -> int:
+    if drill.fact is not None:
+        return UNKNOWN
+    return {("yes", "no"): 0, ("no", "yes"): 1}.get((drill.when_true, drill.when_false), 2)
 
 
 def _targets(example: Example, drills: Mapping[str, Sequence[Drill]]) -> NDArray[np.int64]:

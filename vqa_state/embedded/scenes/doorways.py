@@ -26,20 +26,14 @@ def build_transparent_door(scene: SceneBuilder) -> Blueprint:
     width, height = scene.uniform(0.8, 1.25), scene.uniform(1.9, 2.25)
     _add_rooms(scene, width, height)
     side, slides = scene.side(), scene.chance(0.4)
-    at, joint = (
-        ((0.0, -0.08, 0.0), slide("leaf"))
-        if slides
-        else (
-            (side * width / 2, 0.0, 0.0),
-            hinge("leaf"),
-        )
-    )
-    with scene.body(at, joint):
-        centre = 0.0 if slides else -side * width / 2
+    # A sliding leaf runs in front of the wall; a swinging one hangs in the opening.
+    centre = 0.0 if slides else -side * width / 2
+    place = (0.0, -0.08, 0.0) if slides else (side * width / 2, 0.0, 0.0)
+    with scene.body(place, slide("leaf") if slides else hinge("leaf")):
         _add_glass_leaf(scene, centre, width, height)
         for face in (-1, 1):
-            place = (centre - side * (width / 2 - 0.09), face * 0.02, scene.uniform(0.95, 1.1))
-            add_handle(scene, *place, upright=True, length=scene.uniform(0.12, 0.35))
+            grip = (centre - side * (width / 2 - 0.09), face * 0.02, scene.uniform(0.95, 1.1))
+            add_handle(scene, *grip, upright=True, length=scene.uniform(0.12, 0.35))
     pose = _slide(scene.side(), width) if slides else _swing(scene.side())
     return Blueprint(pose, _camera(scene, height))
 

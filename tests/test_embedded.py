@@ -1,0 +1,202 @@
+"""The embedded model keeps the protocol, reads any question, and is what its card says."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from vqa_state import models
+from vqa_state.embedded.card import BEGIN, END, tables
+from vqa_state.embedded.experiments import questions_about
+from vqa_state.embedded.scenes import THINGS
+from vqa_state.embedded.text import (
+    MAX_WORDS,
+    N_BUCKETS,
+    N_PIECES,
+    encode_questions,
+    word_pieces,
+    words,
+)
+from vqa_state.embedded.weights import WEIGHTS
+from vqa_state.errors import ModelError
+from vqa_state.models.embedded import EmbeddedModel
+
+ROOT = Path(__file__).parent.parent
+QUESTIONS = [question.text for question in questions_about("transparent_door")]
+
+
+@pytest.fixture(scope="module")
+def model():
+    return EmbeddedModel()
+
+
+def noise(seed, size=(40, 30), mode="RGB"):
+    pixels = np.random.default_rng(seed).integers(0, 256, (size[1], size[0], 3), np.uint8)
+    return Image.fromarray(pixels).convert(mode)
+
+
+def answers(model, images, questions):
+    replies = list(model.answer(images, questions))
+    return {(reply.image, reply.question): reply.outcome for reply in replies}
+
+
+class TestContract:
+    def test_is_registered_under_its_name(self):
+        assert "embedded" in models.names()
+        assert EmbeddedModel.name == "embedded"
+
+    def test_every_pair_exactly_once(self, model):
+        replies = list(model.answer([noise(1), noise(2)], QUESTIONS[:3]))
+        pairs = [(reply.image, reply.question) for reply in replies]
+        assert sorted(pairs) == [(i, q) for i in range(2) for q in range(3)]
+
+    def test_nothing_asked_nothing_answered(self, model):
+        assert list(model.answer([], QUESTIONS)) == []
+        assert list(model.answer([noise(1)], [])) == []
+        assert list(model.answer([], [])) == []
+
+    def test_a_batch_answers_as_single_calls_do(self, model):
+        images = [noise(seed) for seed in range(3)]
+        together = answers(model, images, QUESTIONS[:5])
+        for (i, q), outcome in together.items():
+            alone = answers(EmbeddedModel(), [images[i]], [QUESTIONS[q]])[0, 0]
+            assert alone.text == outcome.text
+            assert alone.p_yes == pytest.approx(outcome.p_yes, abs=1e-5)
+
+    def test_the_same_question_twice_is_answered_twice_alike(self, model):
+        outcomes = answers(model, [noise(1)], [QUESTIONS[0], QUESTIONS[0]])
+        assert outcomes[0, 0] == outcomes[0, 1]
+
+    def test_two_instances_agree_in_every_digit(self, model):
+        images = [noise(seed) for seed in range(2)]
+        assert answers(model, images, QUESTIONS) == answers(EmbeddedModel(), images, QUESTIONS)
+
+    def test_threads_get_what_one_thread_gets(self, model):
+        images = [noise(seed) for seed in range(4)]
+        expected = [answers(model, [image], QUESTIONS[:8]) for image in images]
+        with ThreadPoolExecutor(4) as pool:
+            got = list(pool.map(lambda i: answers(model, [i], QUESTIONS[:8]), images))
+        assert got == expected
+
+    @pytest.mark.parametrize(
+        "image",
+        [
+            noise(1, mode="L"),
+            noise(1, mode="P"),
+            noise(1, mode="1"),
+            noise(1, mode="RGBA"),
+            noise(1, mode="CMYK"),
+            noise(1, size=(1, 1)),
+            noise(1, size=(1, 900)),
+            Image.new("RGB", (5000, 4000), "gray"),
+        ],
+        ids=["grey", "palette", "bits", "alpha", "cmyk", "pixel", "line", "huge"],
+    )
+    def test_odd_images_are_answered(self, model, image):
+        outcome = answers(model, [image], ["Is this door open?"])[0, 0]
+        assert outcome.text
+        assert 0 <= outcome.p_yes <= 1
+
+    @pytest.mark.parametrize(
+        "question", ["", "?", "Ist die Tür offen?", "門は開いていますか", "open " * 200, "😀"]
+    )
+    def test_odd_questions_are_answered(self, model, question):
+        assert answers(model, [noise(1)], [question])[0, 0].text
+
+    def test_p_yes_agrees_with_a_yes_or_no(self, model):
+        for outcome in answers(model, [noise(1)], QUESTIONS).values():
+            if outcome.text in ("yes", "no"):
+                assert (outcome.p_yes >= 0.5) == (outcome.text == "yes")
+
+
+class TestWeights:
+    def test_are_small(self):
+        assert WEIGHTS.stat().st_size <= 20e6
+
+    def test_missing_weights_say_what_to_do(self, tmp_path):
+        with pytest.raises(ModelError, match="install the package again"):
+            EmbeddedModel(tmp_path / "none.safetensors")
+
+    def test_damaged_weights_say_what_to_do(self, tmp_path):
+        cut = tmp_path / "cut.safetensors"
+        cut.write_bytes(WEIGHTS.read_bytes()[:1000])
+        with pytest.raises(ModelError, match="install the package again"):
+            EmbeddedModel(cut)
+
+    def test_other_weights_have_another_fingerprint(self, model, tmp_path):
+        changed = bytearray(WEIGHTS.read_bytes())
+        changed[-1] ^= 1
+        other = tmp_path / "other.safetensors"
+        other.write_bytes(changed)
+        assert EmbeddedModel(other).fingerprint != model.fingerprint
+        assert EmbeddedModel().fingerprint == model.fingerprint
+
+
+class TestTokenizer:
+    @given(st.text(max_size=300))
+    def test_any_text_gives_buckets_of_one_shape(self, text):
+        buckets = encode_questions([text])
+        assert buckets.shape == (1, MAX_WORDS, N_PIECES)
+        assert buckets.min() >= 0
+        assert buckets.max() < N_BUCKETS
+        assert buckets[0, 0, 0] > 0
+
+    @given(st.text(alphabet=st.characters(categories=["L"]), min_size=1, max_size=40))
+    def test_pieces_of_a_word_depend_on_the_word_alone(self, word):
+        assert word_pieces(word) == word_pieces(word)
+        assert 0 < len(word_pieces(word)) <= N_PIECES
+        assert min(word_pieces(word)) > 0
+
+    def test_case_and_punctuation_do_not_matter(self):
+        plain = encode_questions(["is this door open"])
+        assert (encode_questions(["Is THIS door, open?"]) == plain).all()
+
+    def test_contractions_are_read(self):
+        assert words("Isn't it open?") == ["is", "not", "it", "open"]
+
+    def test_batch_equals_single(self):
+        rows = encode_questions(QUESTIONS)
+        assert all(
+            (encode_questions([question])[0] == row).all()
+            for question, row in zip(QUESTIONS, rows, strict=True)
+        )
+
+    def test_hashes_are_the_same_for_ever(self):
+        # The weights belong to these numbers.
+        assert word_pieces("door") == [880, 605, 347, 3483, 3670]
+
+
+class TestCard:
+    def test_says_what_was_measured(self):
+        numbers = json.loads((ROOT / "docs" / "embedded_model.json").read_text("utf-8"))
+        card = (ROOT / "docs" / "embedded_model.md").read_text("utf-8")
+        measured = card.partition(BEGIN)[2].partition(END)[0]
+        assert measured.strip() == tables(numbers).strip()
+
+    def test_is_about_the_shipped_weights(self, model):
+        numbers = json.loads((ROOT / "docs" / "embedded_model.json").read_text("utf-8"))
+        assert numbers["file"]["digest"] in model.fingerprint
+        assert {row["thing"] for row in numbers["scenes"]} == set(THINGS)
+
+
+@pytest.mark.parametrize("thing", ["refrigerator", "transparent_door"])
+def test_recognizes_most_sample_pictures(model, thing):
+    folder = ROOT / "projects" / thing
+    images = json.loads((folder / "project.json").read_text("utf-8"))["images"]
+    questions = questions_about(thing)
+    right = 0
+    for image in images:
+        with Image.open(folder / "images" / f"{image['id']}.{image['suffix']}") as pixels:
+            outcomes = answers(model, [pixels], [question.text for question in questions])
+        votes = sum(
+            outcomes[0, number].verdict(question.yes_means)
+            for number, question in enumerate(questions)
+        )
+        right += votes * image["label"] > 0
+    assert len(images) == 40
+    assert right >= 0.8 * len(images)
