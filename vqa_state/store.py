@@ -147,7 +147,9 @@ class AnswerStore:
             marks = ", ".join("?" * len(columns))
             insert = f"INSERT INTO {table} ({', '.join(columns)}) VALUES ({marks})"  # noqa: S608
             row = (self._db.execute(insert, values).lastrowid,)
-        return int(row[0])
+        if not isinstance(row[0], int):
+            raise sqlite3.DatabaseError(f"a row of the table {table!r} has no id")
+        return row[0]
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -170,7 +172,7 @@ class AnswerStore:
                 f"the answers in {self._path} cannot be read or written ({error}); nothing that "
                 "was stored is lost: check free disk space and permissions, then start again"
             ) from error
-        except sqlite3.DatabaseError as error:
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # SQLite quotes damage
             raise StoreError(
                 f"{self._path} is not an answer store or is damaged ({error}); restore it from a "
                 "backup, or move it away to ask all questions again"
