@@ -64,9 +64,22 @@ class TestContract:
         images = [noise(seed) for seed in range(3)]
         together = answers(model, images, QUESTIONS[:5])
         for (i, q), outcome in together.items():
-            alone = answers(EmbeddedModel(), [images[i]], [QUESTIONS[q]])[0, 0]
+            alone = answers(model, [images[i]], [QUESTIONS[q]])[0, 0]
             assert alone.text == outcome.text
             assert alone.p_yes == pytest.approx(outcome.p_yes, abs=1e-5)
+
+    @pytest.mark.parametrize("n_images", [2, 7, 9])
+    def test_the_number_of_images_changes_no_digit(self, model, n_images):
+        images = [noise(seed) for seed in range(n_images)]
+        together = answers(model, images, QUESTIONS[:4])
+        alone = answers(model, images[-1:], QUESTIONS[:4])
+        assert [together[n_images - 1, q] for q in range(4)] == [alone[0, q] for q in range(4)]
+
+    @pytest.mark.parametrize("n_questions", [1, 15, 64, 65])
+    def test_the_number_of_questions_changes_no_digit(self, model, n_questions):
+        questions = [f"{QUESTIONS[0]} {number}" for number in range(n_questions)]
+        last = answers(model, [noise(1)], questions)[0, n_questions - 1]
+        assert answers(EmbeddedModel(), [noise(1)], questions[-1:])[0, 0] == last
 
     def test_the_same_question_twice_is_answered_twice_alike(self, model):
         outcomes = answers(model, [noise(1)], [QUESTIONS[0], QUESTIONS[0]])
@@ -189,14 +202,13 @@ def test_recognizes_most_sample_pictures(model, thing):
     folder = ROOT / "projects" / thing
     images = json.loads((folder / "project.json").read_text("utf-8"))["images"]
     questions = questions_about(thing)
-    right = 0
-    for image in images:
-        with Image.open(folder / "images" / f"{image['id']}.{image['suffix']}") as pixels:
-            outcomes = answers(model, [pixels], [question.text for question in questions])
-        votes = sum(
-            outcomes[0, number].verdict(question.yes_means)
-            for number, question in enumerate(questions)
-        )
-        right += votes * image["label"] > 0
+    files = [folder / "images" / f"{image['id']}.{image['suffix']}" for image in images]
+    pictures = [Image.open(file).convert("RGB") for file in files]
+    outcomes = answers(model, pictures, [question.text for question in questions])
+    votes = [
+        sum(outcomes[row, q].verdict(question.yes_means) for q, question in enumerate(questions))
+        for row in range(len(images))
+    ]
+    right = sum(vote * image["label"] > 0 for vote, image in zip(votes, images, strict=True))
     assert len(images) == 40
     assert right >= 0.8 * len(images)

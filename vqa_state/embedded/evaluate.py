@@ -18,7 +18,7 @@ from vqa_state.embedded.dataset import Example, load_examples
 from vqa_state.embedded.experiments import questions_about
 from vqa_state.embedded.measuring import ask, measure_photos, measure_scenes
 from vqa_state.embedded.photos import load_photos
-from vqa_state.embedded.predictor import Predictor
+from vqa_state.embedded.predictor import MAX_IMAGES, Predictor
 from vqa_state.embedded.render import render_split
 from vqa_state.embedded.scenes import THINGS, Split
 from vqa_state.embedded.weights import WEIGHTS, count_parameters, load_network, weights_digest
@@ -105,8 +105,8 @@ def _time(predictor: Predictor) -> float:
     questions = [f"{question.text} Really?" for question in questions_about("cabinet")]
     start = time.perf_counter()
     slots = predictor.read(questions)
-    for image in images:
-        predictor.answer(image, slots)
+    for first in range(0, len(images), MAX_IMAGES):
+        predictor.answer(images[first : first + MAX_IMAGES], slots)
     return time.perf_counter() - start
 
 

@@ -79,8 +79,7 @@ def ask(predictor: Predictor, examples: Sequence[Example]) -> AnswerTable:
     verdicts = np.zeros((len(examples), Augmentation().n_copies, len(questions)), np.int8)
     p_positive = np.zeros(verdicts.shape, np.float32)
     for row, example in enumerate(examples):
-        for copy_number, image in enumerate(_copies(example)):
-            answers = predictor.answer(image, slots)
+        for copy_number, answers in enumerate(predictor.answer(_copies(example), slots)):
             for column, (text, p_yes) in enumerate(answers):
                 meaning = meanings[column]
                 verdicts[row, copy_number, column] = Answer(text, p_yes).verdict(meaning)

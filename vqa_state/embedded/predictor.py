@@ -1,10 +1,11 @@
-"""Runs the network: one picture at a time, every question once."""
+"""Runs the network: every picture and every question through their own part once."""
 
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 from PIL.Image import Image
 from torch import Tensor
@@ -15,11 +16,15 @@ from vqa_state.embedded.text import encode_questions
 from vqa_state.embedded.vocabulary import ANSWERS, NO, YES
 from vqa_state.embedded.weights import WEIGHTS, load_network
 
-__all__ = ["Predictor"]
+__all__ = ["MAX_IMAGES", "Predictor"]
 
-#: Questions are answered in blocks of this many, the last one filled up. A matrix product may
-#: round differently when its shape changes; blocks of one shape give the same answer to a
-#: question whatever is asked beside it.
+#: Images that go through the network together. Their number changes no digit of any answer
+#: (measured, and tested in tests/test_embedded.py).
+MAX_IMAGES = 8
+
+#: Questions are answered in blocks of this many, the last one filled up. A matrix product of fewer
+#: than 16 rows rounds differently; blocks of one shape give the same answer to a question whatever
+#: is asked beside it.
 _BLOCK = 64
 
 #: Questions whose slots are kept, 2.5 kB each.
@@ -45,20 +50,28 @@ class Predictor:
         return torch.stack([self._slots(question) for question in questions])
 
     @torch.inference_mode()
-    def answer(self, image: Image, slots: Tensor) -> list[tuple[str, float]]:
-        """The answer to each question that `read` has read, and its P(yes) against P(no)."""
-        pixels = torch.from_numpy(normalise(to_square(image)[None]))
+    def answer(self, images: Sequence[Image], slots: Tensor) -> list[list[tuple[str, float]]]:
+        """For each image the answer to each question that `read` has read.
+
+        An answer is a text and P(yes) / (P(yes) + P(no)). Give at most `MAX_IMAGES` at once: more
+        take more memory and no less time.
+        """
+        pixels = torch.from_numpy(normalise(np.stack([to_square(image) for image in images])))
         memory = self._network.see(pixels.contiguous(memory_format=torch.channels_last))
         logits = torch.cat(
             [
-                self._network.answer(memory, _filled(block)[None])[0, : len(block)]
+                self._network.answer(memory, _filled(block).expand(len(images), -1, -1, -1))
                 for block in torch.split(slots, _BLOCK)
-            ]
-        )
+            ],
+            dim=1,
+        )[:, : len(slots)]
         best = logits.argmax(dim=-1).tolist()
-        yes = torch.sigmoid(logits[:, YES] - logits[:, NO]).tolist()
+        yes = torch.sigmoid(logits[..., YES] - logits[..., NO]).tolist()
         # Later digits than the sixth are the machine's, not the model's.
-        return [(ANSWERS[b], round(p, 6)) for b, p in zip(best, yes, strict=True)]
+        return [
+            [(ANSWERS[number], round(p_yes, 6)) for number, p_yes in zip(*row, strict=True)]
+            for row in zip(best, yes, strict=True)
+        ]
 
     def _slots(self, question: str) -> Tensor:
         """The slots of one question, from the cache or read alone, at its own length."""

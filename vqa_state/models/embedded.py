@@ -31,12 +31,13 @@ class EmbeddedModel:
             ModelError: if the weights are missing or damaged.
         """
         # Torch is imported here, so that naming this class loads nothing heavy.
-        from vqa_state.embedded.predictor import Predictor
+        from vqa_state.embedded.predictor import MAX_IMAGES, Predictor
         from vqa_state.embedded.trunk import INPUT_SIZE
         from vqa_state.embedded.weights import WEIGHTS, weights_digest
 
         path = WEIGHTS if weights is None else weights
         self._predictor = Predictor(path)
+        self._max_images = MAX_IMAGES
         self._fingerprint = (
             f"embedded {_VERSION}; weights {weights_digest(path)}; float32; {INPUT_SIZE} px; argmax"
         )
@@ -47,11 +48,12 @@ class EmbeddedModel:
         return self._fingerprint
 
     def answer(self, images: Sequence[Image], questions: Sequence[str]) -> Iterator[Reply]:
-        """Ask every question about every image; each image is encoded once, one by one."""
+        """Ask every question about every image, some images at a time."""
         if not questions:
             return
         slots = self._predictor.read(questions)
-        for image_number, image in enumerate(images):
-            answers = self._predictor.answer(image, slots)
-            for question_number, (text, p_yes) in enumerate(answers):
-                yield Reply(image_number, question_number, Answer(text, p_yes))
+        for start in range(0, len(images), self._max_images):
+            answers = self._predictor.answer(images[start : start + self._max_images], slots)
+            for image_number, row in enumerate(answers, start):
+                for question_number, (text, p_yes) in enumerate(row):
+                    yield Reply(image_number, question_number, Answer(text, p_yes))
