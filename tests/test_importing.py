@@ -266,6 +266,13 @@ def test_a_password_is_told(empty):
     assert "password" in report.refused[0].reason
 
 
+def test_an_entry_without_a_name_ends_nothing(empty):
+    data = zipped(("x.png", picture(1)), ("2.png", picture(2)))
+    at = data.rindex(b"x.png")  # the name in the list at the ZIP's end
+    report = add_zip(empty, data[:at] + b"\0" + data[at + 1 :])
+    assert outcome(empty, report) == {"2.png": (None, None)}
+
+
 @pytest.mark.parametrize("cut", [0, 3, 4, 10, 60, -1, -30])
 def test_a_damaged_zip_is_told(empty, cut):
     data = zipped(("1.png", picture(1)), ("2.png", picture(2)))[:cut]
