@@ -12,7 +12,9 @@ from PIL import Image
 
 from vqa_state import models
 from vqa_state.embedded.card import BEGIN, END, tables
+from vqa_state.embedded.curriculum import Drill, make_drills
 from vqa_state.embedded.experiments import questions_about
+from vqa_state.embedded.lexicon import LEXICON, OPENABLE
 from vqa_state.embedded.scenes import THINGS
 from vqa_state.embedded.text import (
     MAX_WORDS,
@@ -22,6 +24,7 @@ from vqa_state.embedded.text import (
     word_pieces,
     words,
 )
+from vqa_state.embedded.vocabulary import ANSWERS
 from vqa_state.embedded.weights import WEIGHTS
 from vqa_state.errors import ModelError
 from vqa_state.models.embedded import EmbeddedModel
@@ -182,6 +185,60 @@ class TestTokenizer:
     def test_hashes_are_the_same_for_ever(self):
         # The weights belong to these numbers.
         assert word_pieces("door") == [880, 605, 347, 3483, 3670]
+
+
+class TestCurriculum:
+    @pytest.mark.parametrize("thing", THINGS)
+    def test_all_answers_are_in_the_vocabulary(self, thing):
+        drills = make_drills(thing, 300, np.random.default_rng(0))
+        assert {
+            answer for drill in drills for answer in (drill.when_true, drill.when_false)
+        } <= set(ANSWERS)
+        assert len({drill.text for drill in drills}) == len(drills)
+
+    @pytest.mark.parametrize(
+        ("question", "when_open"),
+        [
+            ("Is the door open?", "yes"),
+            ("Is the door closed?", "no"),
+            ("Is the door not open?", "no"),
+            ("Is the door not closed?", "yes"),
+        ],
+    )
+    def test_state_questions_follow_the_label(self, question, when_open):
+        drills = make_drills("door", 8000, np.random.default_rng(0))
+        drill = next(drill for drill in drills if drill.text == question)
+        assert drill.answer(True, {}) == when_open
+        assert drill.answer(False, {}) == ("no" if when_open == "yes" else "yes")
+
+    def test_nobody_is_asked_for_an_unknown_fact(self):
+        drill = Drill("Is the door wide open?", "yes", "no", "wide_open")
+        assert drill.answer(True, {}) is None
+        assert drill.answer(True, {"wide_open": False}) == "no"
+
+    @pytest.mark.parametrize("thing", sorted(OPENABLE))
+    def test_no_door_is_denied_to_be_a_door(self, thing):
+        drills = make_drills(thing, 2000, np.random.default_rng(1))
+        nouns = {noun for other in OPENABLE for noun in LEXICON[other].nouns}
+        denied = [drill.text for drill in drills if drill.when_true == "none"]
+        assert denied
+        assert not [text for text in denied if any(f" {noun} " in text for noun in nouns)]
+
+
+def test_grids_are_the_papers():
+    sizes = {thing: len(questions_about(thing)) for thing in THINGS}
+    assert sizes == {
+        "door": 16,
+        "elevator": 32,
+        "cabinet": 64,
+        "refrigerator": 32,
+        "microwave": 64,
+        "transparent_door": 64,
+        "light": 32,
+        "display": 64,
+        "handbag": 32,
+        "water": 32,
+    }
 
 
 class TestCard:

@@ -15,7 +15,7 @@ from vqa_state.embedded.dataset import Example
 from vqa_state.embedded.pixels import normalise, to_square
 from vqa_state.embedded.trunk import INPUT_SIZE, Trunk
 
-__all__ = ["N_FROZEN_BLOCKS", "embed_examples", "varied"]
+__all__ = ["N_FROZEN_BLOCKS", "embed_examples", "n_chunks", "varied"]
 
 #: Blocks that training leaves as ImageNet made them; their output is (112, 14, 14).
 N_FROZEN_BLOCKS = 11
@@ -41,6 +41,11 @@ def embed_examples(
             save_file({"maps": _embed(trunk, chunk, seed)}, unfinished)
             unfinished.replace(file)
         yield load_file(file)["maps"]
+
+
+def n_chunks(examples: Sequence[Example]) -> int:
+    """How many chunks `embed_examples` yields."""
+    return -(-len(examples) // _CHUNK)
 
 
 def varied(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.float32]:

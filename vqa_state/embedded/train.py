@@ -11,7 +11,7 @@ from rich.progress import track
 from torch import Tensor
 
 from vqa_state.embedded.dataset import Example, load_examples
-from vqa_state.embedded.features import embed_examples
+from vqa_state.embedded.features import embed_examples, n_chunks
 from vqa_state.embedded.imagenet import load_imagenet
 from vqa_state.embedded.lessons import Lessons
 from vqa_state.embedded.network import VQANetwork
@@ -87,7 +87,7 @@ def _materials(
     for part, seed in sets:
         examples += part
         chunks = embed_examples(network.trunk, part, chosen.out / "features", seed)
-        maps += track(chunks, description="features", total=-(-len(part) // 480))
+        maps += track(chunks, description="features", total=n_chunks(part))
     return examples, torch.cat(maps)
 
 
