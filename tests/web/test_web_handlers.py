@@ -112,7 +112,7 @@ def test_strange_shares_and_seeds_change_nothing(desk: Desk, pid: str, strange: 
 def fields(desk: Desk, pid: str, **changes: Any) -> list[Any]:
     names = ["wordings", "positive", "negative", "forms", "articles", "own_plus", "own_minus"]
     values = dict(zip(names, map(updated, questions.show(desk, pid)[:7]), strict=True))
-    return list((values | changes).values())
+    return [pid, *(values | changes).values()]
 
 
 def test_each_field_changes_the_questions(desk: Desk, pid: str) -> None:
@@ -132,6 +132,12 @@ def test_each_field_changes_the_questions(desk: Desk, pid: str) -> None:
         questions.edit(desk, pid, *start)
 
 
+def test_nothing_is_kept_while_the_fields_are_being_filled(desk: Desk, pid: str) -> None:
+    _, *values = fields(desk, pid, wordings="")
+    questions.edit(desk, pid, "", *values)
+    assert len(desk.snapshot(pid).questions()) == 16
+
+
 def test_a_mistake_is_said_and_nothing_is_lost(desk: Desk, pid: str) -> None:
     said, _ = questions.edit(desk, pid, *fields(desk, pid, wordings="door\nwater | in sink"))
     assert "{article}" in said["text"]
@@ -147,7 +153,7 @@ def test_questions_are_switched_off_and_on(desk: Desk, pid: str) -> None:
     text = "Is this door open?"
     questions.switch(desk, pid, {"off": [text, "no such question", 7, None]})
     assert desk.snapshot(pid).grid.switched_off == (text,)
-    value = questions.show(desk, pid)[-1]
+    value = questions.show(desk, pid)[-2]
     shown = {row["text"]: row["on"] for group in value["groups"] for row in group["questions"]}
     assert shown.pop(text) is False
     assert all(shown.values())
@@ -165,7 +171,7 @@ def test_strange_switches_are_refused(desk: Desk, pid: str, data: Any) -> None:
 @pytest.mark.parametrize("at", range(7))
 def test_strange_fields_are_refused(desk: Desk, pid: str, at: int, strange: Any) -> None:
     before, values = desk.snapshot(pid).grid, fields(desk, pid)
-    values[at] = strange
+    values[at + 1] = strange
     if at in (3, 4) and isinstance(strange, list):
         return  # a list of unknown choices chooses nothing
     with pytest.raises((RequestError, QuestionError)):

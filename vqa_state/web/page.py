@@ -60,10 +60,13 @@ class Page:
         handler = _with_data(_explained(fn, self.desk))
         return trigger(handler, [self.pid, *inputs], list(outputs), **OPTIONS)
 
-    def show(self, tab: gr.Tab, fn: Handler, outputs: Sequence[Any]) -> None:
-        """Fill a tab from the project: when the page opens, and whenever the tab is chosen."""
-        for trigger in (self.arrived.then, tab.select):
-            self.on(trigger, fn, (), outputs, queue=False)
+    def fill(self, fn: Handler, outputs: Sequence[Any]) -> None:
+        """Fill fields when the page opens; later that would undo what is being typed."""
+        self.on(self.arrived.then, fn, (), outputs, queue=False)
+
+    def refresh(self, tab: gr.Tab, fn: Handler, outputs: Sequence[Any]) -> None:
+        """Show what another tab may have changed, whenever this one is chosen."""
+        self.on(tab.select, fn, (), outputs, queue=False)
 
     def follow(self, trigger: Any, fn: Handler, outputs: Sequence[Any]) -> Any:
         """Stream what the generator `fn(desk, pid)` yields; any number of pages may."""

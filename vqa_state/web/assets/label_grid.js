@@ -69,7 +69,7 @@ function build() {
   cells = [];
   history = [];
   grid.replaceChildren();
-  append((value.items || []).map((item) => ({...item})));
+  append((value.items || []).map((item) => ({...item, ...marksOf(item.id)})));
   drawTools();
   chosen = new Set([...items.keys()].filter((k) => kept.has(items[k].id)));
   cursor = anchor = Math.max(0, Math.min(at, items.length - 1));
@@ -163,14 +163,24 @@ function apply(field, values) {
 }
 
 let unsaved = {label: new Map(), split: new Map()};
+let onTheWay = unsaved;   // the batch that is being saved
 let saving = false;
+
+/** What was marked here and the server may not know yet. */
+function marksOf(id) {
+  const marks = {};
+  for (const batch of [onTheWay, unsaved]) {
+    for (const field of ['label', 'split']) if (batch[field].has(id)) marks[field] = batch[field].get(id);
+  }
+  return marks;
+}
 
 /** One save at a time; what was marked meanwhile goes with the next one. */
 async function save() {
   if (saving) return;
   saving = true;
   while (unsaved.label.size || unsaved.split.size) {
-    const batch = unsaved;
+    const batch = onTheWay = unsaved;
     unsaved = {label: new Map(), split: new Map()};
     try {
       await post(`/projects/${project}/marks`, JSON.stringify({
@@ -187,6 +197,7 @@ async function save() {
     }
   }
   saving = false;
+  onTheWay = unsaved;
   trigger('changed', {});
 }
 

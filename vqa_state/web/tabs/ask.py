@@ -69,14 +69,15 @@ def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
     settings = [parts.kind, parts.amount, parts.n_copies]
     watched = [parts.progress, parts.start, parts.stop, parts.seen]
-    page.show(parts.tab, show, [parts.model, *settings, parts.cost])
+    page.fill(show, [parts.model, *settings, parts.cost])
+    page.refresh(parts.tab, costs, [parts.cost])
     for field in (parts.kind.input, parts.amount.release, parts.n_copies.release):
         page.change(field, augment, settings, [parts.cost])
     started = page.on(parts.start.click, start, [parts.model], [])
-    followed = page.follow(started.success, follow, watched)
-    page.then_road(page.on(followed.then, costs, (), [parts.cost]))
+    for trigger in (started.success, page.arrived.then):
+        ended = page.follow(trigger, follow, watched)
+        page.then_road(page.on(ended.then, costs, (), [parts.cost]))
     page.on(parts.stop.click, stop, (), [], queue=False)
-    page.follow(page.arrived.then, follow, watched)
     page.on(parts.timer.tick, glance, [parts.seen], watched)
 
 
@@ -85,7 +86,13 @@ def show(desk: Desk, pid: str) -> Any:
     with desk.reading(pid) as project:
         copies = project.augmentation
         model = project.model if project.model in models.names() else None
-    return model, copies.kind.value, copies.amount, copies.n_copies, costs(desk, pid)
+    return (
+        gr.Dropdown(models.names(), value=model),
+        copies.kind.value,
+        copies.amount,
+        copies.n_copies,
+        costs(desk, pid),
+    )
 
 
 def costs(desk: Desk, pid: str) -> Any:

@@ -49,7 +49,7 @@ def build(tab: gr.Tab) -> Parts:
 def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
     shown = [parts.grid, parts.seed, parts.note]
-    page.show(parts.tab, show, shown)
+    page.fill(show, shown)
     for trigger in (parts.grid.uploaded, parts.grid.changed):
         page.change(trigger, tell, (), [parts.note])
     page.change(parts.grid.reload, show, (), shown)

@@ -100,12 +100,12 @@ def _numbers() -> tuple[gr.Number, ...]:
 def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
     watched = [parts.note, parts.chart, parts.start, parts.stop, parts.seen]
-    page.show(parts.tab, show, parts.numbers)
+    page.fill(show, parts.numbers)
     page.follow(parts.tab.select, follow, watched)
     started = page.on(parts.start.click, start, parts.numbers, [])
-    page.then_road(page.follow(started.success, follow, watched))
+    for trigger in (started.success, page.arrived.then):
+        page.then_road(page.follow(trigger, follow, watched))
     page.on(parts.stop.click, stop, (), [], queue=False)
-    page.follow(page.arrived.then, follow, watched)
     page.on(parts.timer.tick, glance, [parts.seen], watched)
 
 

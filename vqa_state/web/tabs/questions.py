@@ -33,6 +33,7 @@ class Parts:
     own_negative: gr.Textbox
     note: gr.HTML
     grid: gr.HTML
+    filled: gr.Textbox
 
     @property
     def fields(self) -> list[Any]:
@@ -64,18 +65,21 @@ def build(tab: gr.Tab) -> Parts:
         own_negative = gr.Textbox(lines=3, info="One a line", elem_id="own-negative")
     said = widgets.note("questions-note")
     grid = widgets.question_grid("questions")
+    filled = gr.Textbox(visible=False)
     return Parts(
-        tab, wordings, positive, negative, forms, articles, own_positive, own_negative, said, grid
-    )
+        tab, wordings, positive, negative, forms, articles, own_positive, own_negative,
+        said, grid, filled,
+    )  # fmt: skip
 
 
 def wire(parts: Parts, page: Page) -> None:
     """Connect the tab; every field changes the grid while it is typed in."""
-    page.show(parts.tab, show, [*parts.fields, parts.note, parts.grid])
+    page.fill(show, [*parts.fields, parts.note, parts.grid, parts.filled])
+    inputs, outputs = [parts.filled, *parts.fields], [parts.note, parts.grid]
     for field in parts.fields:
-        page.change(
-            field.input, edit, parts.fields, [parts.note, parts.grid], trigger_mode="always_last"
-        )
+        # A text box tells `input` of key presses only, not of a paste or a deletion.
+        trigger = field.change if isinstance(field, gr.Textbox) else field.input
+        page.change(trigger, edit, inputs, outputs, trigger_mode="always_last")
     page.then_road(page.on_data(parts.grid.switched, switch, (), [parts.note]))
 
 
@@ -93,11 +97,18 @@ def show(desk: Desk, pid: str) -> Any:
         gr.Textbox(_own(grid, -1), label=f"“Yes” speaks for “{states.negative}”"),
         note(""),
         questions_value(grid.build()),
+        pid,
     )
 
 
-def edit(desk: Desk, pid: str, *fields: Any) -> Any:
-    """Note and grid. What cannot be used yet is said, and the grid stays as it was."""
+def edit(desk: Desk, pid: str, filled: Any, *fields: Any) -> Any:
+    """Note and grid. What cannot be used yet is said, and the grid stays as it was.
+
+    Filling the fields when the page opens counts as a change of each of them. `filled` is filled
+    last, so whatever comes before it is no wish of the user.
+    """
+    if filled != pid:
+        return gr.skip(), gr.skip()
     try:
         with desk.changing(pid) as project:
             project.grid = _grid(fields, project)

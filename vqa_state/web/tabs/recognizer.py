@@ -54,7 +54,8 @@ def build(tab: gr.Tab) -> Parts:
 def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
     shown = [parts.objective, parts.about, parts.link, parts.verdict]
-    page.show(parts.tab, show, shown)
+    page.fill(show, shown)
+    page.refresh(parts.tab, show, shown)
     page.on(parts.objective.input, choose, [parts.objective], shown[1:])
     page.on(parts.camera.change, see, [parts.objective, parts.camera], [parts.seen])
 

@@ -71,7 +71,8 @@ def wire(parts: Parts, page: Page) -> None:
         parts.note, parts.heatmap, parts.answers, parts.train, parts.train_missed,
         parts.look, parts.test, parts.sentences, parts.test_missed,
     ]  # fmt: skip
-    page.show(parts.tab, show, shown)
+    page.fill(show, shown)
+    page.refresh(parts.tab, show, shown)
     page.on_data(parts.heatmap.pick, pick, (), [parts.answers])
     page.on_data(parts.train.select, missed_train, (), [parts.train_missed])
     page.on_data(parts.test.select, missed_test, (), [parts.test_missed])
