@@ -8,9 +8,7 @@ from PIL.Image import Image
 
 from vqa_state.answers import Answer
 
-__all__ = ["Failure", "RawAnswer", "Reply", "VQAModel"]
-
-RawAnswer = Answer
+__all__ = ["Failure", "Reply", "VQAModel"]
 
 
 @dataclass(frozen=True, slots=True)
