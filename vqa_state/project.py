@@ -20,7 +20,7 @@ from vqa_state.images import content_hash, perceptual_hash, pixel_hash, read_pic
 from vqa_state.questions import Question, QuestionGrid, clean_text
 from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.genetic import SearchSettings
-from vqa_state.splits import Split, divide, look_alikes
+from vqa_state.splits import Split, astride, divide, look_alikes
 
 __all__ = ["MAX_IMAGES", "Added", "LabelledImage", "Project", "StateNames"]
 
@@ -277,6 +277,11 @@ class Project:
     def look_alikes(self) -> list[tuple[str, ...]]:
         """Groups of image ids that look alike (the user is told of them)."""
         return look_alikes({i.id: i.looks for i in self.images.values()})
+
+    def look_alikes_astride(self) -> list[tuple[str, ...]]:
+        """Groups of look-alikes on both sides: a test image nearly is a training image there."""
+        sides = {i.id: i.split for i in self.images.values() if i.split is not None}
+        return [tuple(group) for group in astride(self.look_alikes(), sides)]
 
     def labelled(self, *splits: Split) -> tuple[LabelledImage, ...]:
         """Labelled images on these sides, in the order of their ids: no order of adding counts."""

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
-__all__ = ["Split", "divide", "look_alikes"]
+__all__ = ["Split", "astride", "divide", "look_alikes"]
 
 LOOK_ALIKE_BITS = 8
 """Perceptual hashes (64 bits) that differ in at most so many bits belong to look-alikes."""
@@ -57,6 +57,9 @@ def divide(
     Each state is divided by `train_share` on its own; a group goes to one side as a whole, to
     that of its members which have one already. The order of the images does not matter.
 
+    A state needs both sides. Where all images of one look alike (a camera that never moves), its
+    groups are divided after all; `astride` finds them, so that the user can be told.
+
     Args:
         labels: +1 or -1 of each id to divide or already divided.
         groups: look-alikes; ids that are not in `labels` are passed over.
@@ -69,26 +72,59 @@ def divide(
     """
     if not 0.0 < train_share < 1.0:
         raise ValueError(f"the share of training images must be between 0 and 1, got {train_share}")
-    sides: dict[str, Split] = {
-        i: side for i, side in fixed.items() if i in labels and side is not Split.UNUSED
-    }
     unused = {i for i, side in fixed.items() if side is Split.UNUSED}
+    used = {i: label for i, label in labels.items() if i not in unused}
+    taken = {i: side for i, side in fixed.items() if i in used}
+    whole = [tuple(sorted(i for i in group if i in used)) for group in groups]
+    sides = _assign(used, whole, taken, train_share, seed)
+    one_sided = _one_sided_states(used, sides)
+    if one_sided:
+        kept = [group for group in whole if not one_sided & {used[i] for i in group}]
+        sides = _assign(used, kept, taken, train_share, seed)
+    return sides
+
+
+def astride(groups: Iterable[Sequence[str]], sides: Mapping[str, Split]) -> list[Sequence[str]]:
+    """The groups with images on both sides: there, the test repeats what training saw."""
+    both = {Split.TRAIN, Split.TEST}
+    return [group for group in groups if both <= {sides.get(i) for i in group}]
+
+
+def _assign(
+    labels: Mapping[str, int],
+    groups: Iterable[Sequence[str]],
+    taken: Mapping[str, Split],
+    train_share: float,
+    seed: int,
+) -> dict[str, Split]:
+    sides = dict(taken)
     for unit in _units(labels, groups, seed):
-        members = [i for i in unit if i not in unused]
-        taken = {sides[i] for i in members if i in sides}
-        free = [i for i in members if i not in sides]
-        if free:
-            side = min(taken) if taken else _emptier_side(free, labels, sides, train_share)
+        free = [i for i in unit if i not in taken]
+        before = {taken[i] for i in unit if i in taken}
+        if len(before) > 1:  # the user or an earlier division put it on both sides
+            for image_id in free:
+                sides[image_id] = _emptier_side([image_id], labels, sides, train_share)
+        elif free:
+            side = before.pop() if before else _emptier_side(free, labels, sides, train_share)
             sides.update(dict.fromkeys(free, side))
     return sides
+
+
+def _one_sided_states(labels: Mapping[str, int], sides: Mapping[str, Split]) -> set[int]:
+    """States with two images or more, all of them on one side."""
+    of_state = {state: [i for i in labels if labels[i] == state] for state in (1, -1)}
+    return {
+        state
+        for state, ids in of_state.items()
+        if len(ids) > 1 and len({sides[i] for i in ids}) < 2
+    }
 
 
 def _units(
     labels: Mapping[str, int], groups: Iterable[Sequence[str]], seed: int
 ) -> list[tuple[str, ...]]:
     """Groups and single images, the largest first, else in an order that only the seed decides."""
-    grouped = [tuple(sorted(i for i in group if i in labels)) for group in groups]
-    units = [group for group in grouped if group]
+    units = [tuple(group) for group in groups if group]
     alone = set(labels).difference(*units)
     units += [(image_id,) for image_id in alone]
     return sorted(units, key=lambda unit: (-len(unit), _shuffled(unit[0], seed)))

@@ -91,10 +91,10 @@ def label(
     lines = [
         f"{i['id']:.12}  {i['state'] or '–':10} {i['split'] or '–':6} {i['name']}" for i in shown
     ]
-    lines += [
-        "look alike, kept on one side: " + ", ".join(i[:12] for i in group)
-        for group in project.look_alikes()
-    ]
+    astride = project.look_alikes_astride()
+    for group in project.look_alikes():
+        where = "on both sides, so the test flatters" if group in astride else "kept on one side"
+        lines.append(f"look alike, {where}: " + ", ".join(i[:12] for i in group))
     tell(as_json, shown, "\n".join(lines))
 
 
