@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--split", type=Split, choices=list(Split), default=Split.TRAIN)
-    parser.add_argument("--scenes", type=int, default=250, help="scenes of each thing")
+    parser.add_argument("--scenes", type=int, default=184, help="scenes of each thing")
     parser.add_argument("--views", type=int, default=3, help="cameras for each scene")
     parser.add_argument("--processes", type=int, default=2)
     chosen = parser.parse_args(arguments)
