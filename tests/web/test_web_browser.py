@@ -41,7 +41,7 @@ FLAGS = [
 ]
 BROKEN_STREAM = (
     "console: AbortError: signal is aborted",
-    "console: Error: Connection errored out",
+    "console: Unexpected error Connection errored out",
     "console: Connection errored out",
 )
 WAIT = 20_000
@@ -266,6 +266,18 @@ def write_questions(page: Page) -> None:
     page.get_by_role("button", name="Is that refrigerator door closed?").click()
     expect(page.locator("#questions .qg-counts")).to_contain_text("31 questions")
     expect(page.locator("#road")).to_contain_text("31 questions")
+
+
+def test_opening_the_page_changes_nothing(desk: Desk, url: str, browser: Browser, pid: str) -> None:
+    file = desk.root / pid / "project.json"
+    before = file.read_bytes()
+    watched = Watched(browser, url)
+    for tab in ("images", "questions", "ask", "optimize", "results", "recognizer"):
+        open_tab(watched.page, f"{url}/?p={pid}&tab={tab}", "#tabs")
+    watched.page.get_by_role("tab", name="Questions").click()
+    expect(watched.page.locator("#wordings textarea")).to_have_value("door")
+    watched.page.close()
+    assert file.read_bytes() == before
 
 
 def choose_model(page: Page) -> None:

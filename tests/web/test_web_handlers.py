@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vqa_state.errors import NothingToSearchError, ProjectError, QuestionError, VQAStateError
+from vqa_state.errors import NothingToSearchError, ProjectError, VQAStateError
 from vqa_state.jobs import JobState, Snapshot
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.scores import Objective
@@ -109,43 +109,46 @@ def test_strange_shares_and_seeds_change_nothing(desk: Desk, pid: str, strange: 
 # ---- questions -----------------------------------------------------------------------------
 
 
-def fields(desk: Desk, pid: str, **changes: Any) -> list[Any]:
-    names = ["wordings", "positive", "negative", "forms", "articles", "own_plus", "own_minus"]
-    values = dict(zip(names, map(updated, questions.show(desk, pid)[:7]), strict=True))
-    return [pid, *(values | changes).values()]
+EDITS = {
+    "wordings": ("door\nwater | in {article} sink", 32),
+    "positive": ("open\najar", 24),
+    "negative": ("", 8),
+    "forms": (["is"], 8),
+    "articles": (["a", "this"], 8),
+    "own_positive": ("Can I walk through?", 17),
+    "own_negative": ("Is it locked?\nIs it shut?", 18),
+}
 
 
-def test_each_field_changes_the_questions(desk: Desk, pid: str) -> None:
-    counts = {
-        "wordings": ("door\nwater | in {article} sink", 32),
-        "positive": ("open\najar", 24),
-        "negative": ("", 8),
-        "forms": (["is"], 8),
-        "articles": (["a", "this"], 8),
-        "own_plus": ("Can I walk through?", 17),
-        "own_minus": ("Is it locked?\nIs it shut?", 18),
-    }
-    start = fields(desk, pid)
-    for name, (value, n_questions) in counts.items():
-        questions.edit(desk, pid, *fields(desk, pid, **{name: value}))
-        assert len(desk.snapshot(pid).questions()) == n_questions, name
-        questions.edit(desk, pid, *start)
+@pytest.mark.parametrize("axis", EDITS)
+def test_each_field_changes_its_part_of_the_grid_and_is_shown_again(
+    desk: Desk, pid: str, axis: str
+) -> None:
+    value, n_questions = EDITS[axis]
+    before = list(map(updated, questions.show(desk, pid)[:7]))
+    questions.edit(axis, desk, pid, pid, value)
+    assert len(desk.snapshot(pid).questions()) == n_questions
+    after = list(map(updated, questions.show(desk, pid)[:7]))
+    at = list(questions.AXES).index(axis)
+    assert after[at] == value
+    assert after[:at] + after[at + 1 :] == before[:at] + before[at + 1 :]
 
 
-def test_nothing_is_kept_while_the_fields_are_being_filled(desk: Desk, pid: str) -> None:
-    _, *values = fields(desk, pid, wordings="")
-    questions.edit(desk, pid, "", *values)
-    assert len(desk.snapshot(pid).questions()) == 16
+@pytest.mark.parametrize("axis", EDITS)
+def test_nothing_is_kept_before_the_fields_are_filled(desk: Desk, pid: str, axis: str) -> None:
+    before = desk.snapshot(pid).grid
+    questions.edit(axis, desk, pid, "", [] if axis in ("forms", "articles") else "")
+    assert desk.snapshot(pid).grid == before
 
 
 def test_a_mistake_is_said_and_nothing_is_lost(desk: Desk, pid: str) -> None:
-    said, _ = questions.edit(desk, pid, *fields(desk, pid, wordings="door\nwater | in sink"))
+    said, _ = questions.edit("wordings", desk, pid, pid, "door\nwater | in sink")
     assert "{article}" in said["text"]
     assert len(desk.snapshot(pid).questions()) == 16
 
 
 def test_a_double_is_dropped_and_said(desk: Desk, pid: str) -> None:
-    _, value = questions.edit(desk, pid, *fields(desk, pid, wordings="door\ndoor"))
+    _, value = questions.edit("wordings", desk, pid, pid, "door\ndoor")
     assert len(value["dropped"]) == 16
 
 
@@ -167,15 +170,12 @@ def test_strange_switches_are_refused(desk: Desk, pid: str, data: Any) -> None:
         questions.switch(desk, pid, data)
 
 
-@pytest.mark.parametrize("strange", [3, [1], {"a": 1}, True, "x" * 200_000])
-@pytest.mark.parametrize("at", range(7))
-def test_strange_fields_are_refused(desk: Desk, pid: str, at: int, strange: Any) -> None:
-    before, values = desk.snapshot(pid).grid, fields(desk, pid)
-    values[at + 1] = strange
-    if at in (3, 4) and isinstance(strange, list):
-        return  # a list of unknown choices chooses nothing
-    with pytest.raises((RequestError, QuestionError)):
-        questions.edit(desk, pid, *values)
+@pytest.mark.parametrize("strange", [3, {"a": 1}, True, "x" * 200_000])
+@pytest.mark.parametrize("axis", EDITS)
+def test_strange_fields_change_nothing(desk: Desk, pid: str, axis: str, strange: Any) -> None:
+    before = desk.snapshot(pid).grid
+    with pytest.raises(RequestError):
+        questions.edit(axis, desk, pid, pid, strange)
     assert desk.snapshot(pid).grid == before
 
 

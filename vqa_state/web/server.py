@@ -37,7 +37,8 @@ def build_app(desk: Desk, hosts: Sequence[str] = ()) -> ASGIApp:
     app = build_api(desk)
     gr.mount_gradio_app(
         app, site.build(desk), path="/",
-        max_file_size=MAX_BYTES, theme=site.theme(), css_paths=[site.STYLE],
+        theme=site.theme(), css_paths=[site.STYLE], js=site.SCRIPT.read_text(encoding="utf-8"),
+        max_file_size=MAX_BYTES,
         footer_links=[], run_history=False, show_error=False, enable_monitoring=False,
     )  # fmt: skip
     return LocalGuard(app, hosts)

@@ -9,9 +9,10 @@ from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
 from vqa_state.web.tabs import ask, images, optimize, questions, recognizer, results
 
-__all__ = ["STYLE", "build", "theme"]
+__all__ = ["SCRIPT", "STYLE", "build", "theme"]
 
 STYLE = Path(__file__).parent / "assets" / "page.css"
+SCRIPT = STYLE.with_suffix(".js")
 HOUR = 3600
 TABS = {
     "Images": images,
@@ -64,6 +65,8 @@ def theme() -> gr.themes.Base:
         button_primary_background_fill_hover="*primary_800",
         button_primary_background_fill_dark="*primary_700",
         button_primary_background_fill_hover_dark="*primary_600",
+        slider_color="*primary_700",
+        slider_color_dark="*primary_500",
         link_text_color="*primary_700",
         link_text_color_dark="*primary_300",
     )

@@ -2,7 +2,7 @@
 // Value: {searches: [{name, title, hint, total, points: [[generation, best, mean]], terms: [[name, value]]}]}.
 
 const SVG = 'http://www.w3.org/2000/svg';
-const WIDTH = 300, HEIGHT = 150, LEFT = 44, BOTTOM = 18, TOP = 8, RIGHT = 8;
+const WIDTH = 300, HEIGHT = 150, LEFT = 52, BOTTOM = 18, TOP = 8, RIGHT = 8;
 
 function svg(tag, attributes, text = '') {
   const node = document.createElementNS(SVG, tag);
@@ -35,8 +35,9 @@ function draw(figure, {title, total, points, terms}) {
   const line = (k) => points.map((point) => `${x(point[0]).toFixed(1)},${y(point[k]).toFixed(1)}`).join(' ');
   find('.sc-best').setAttribute('points', line(1));
   find('.sc-mean').setAttribute('points', line(2));
-  find('.sc-high').textContent = points.length ? high.toFixed(1) : '';
-  find('.sc-low').textContent = points.length ? low.toFixed(1) : '';
+  const digits = span < 1 ? 3 : 1;
+  find('.sc-high').textContent = points.length ? high.toFixed(digits) : '';
+  find('.sc-low').textContent = points.length ? low.toFixed(digits) : '';
   find('.sc-last').textContent = total || '';
   const last = points[points.length - 1];   // the legend is in the words: solid best, dashed mean
   find('.sc-now').textContent = last

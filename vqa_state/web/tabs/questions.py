@@ -1,13 +1,13 @@
 """Second stretch: the grid of questions, and questions of one's own."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import gradio as gr
 
 from vqa_state.errors import QuestionError
-from vqa_state.project import Project
 from vqa_state.questions import Article, Form, Question, QuestionGrid, StatePhrase, Wording
 from vqa_state.web import checks, widgets
 from vqa_state.web.desk import Desk
@@ -21,7 +21,7 @@ FORMS = [("Is this door open?", Form.IS.value), ("Does this image look like …?
 
 @dataclass(frozen=True)
 class Parts:
-    """Components of the tab; the fields are in the order of `edit`."""
+    """Components of the tab."""
 
     tab: gr.Tab
     wordings: gr.Textbox
@@ -37,7 +37,7 @@ class Parts:
 
     @property
     def fields(self) -> list[Any]:
-        """What the user edits."""
+        """What the user edits, in the order of `AXES`."""
         return [
             self.wordings, self.positive, self.negative, self.forms, self.articles,
             self.own_positive, self.own_negative,
@@ -73,13 +73,15 @@ def build(tab: gr.Tab) -> Parts:
 
 
 def wire(parts: Parts, page: Page) -> None:
-    """Connect the tab; every field changes the grid while it is typed in."""
+    """Connect the tab; every field changes its part of the grid while it is typed in."""
     page.fill(show, [*parts.fields, parts.note, parts.grid, parts.filled])
-    inputs, outputs = [parts.filled, *parts.fields], [parts.note, parts.grid]
-    for field in parts.fields:
-        # A text box tells `input` of key presses only, not of a paste or a deletion.
-        trigger = field.change if isinstance(field, gr.Textbox) else field.input
-        page.change(trigger, edit, inputs, outputs, trigger_mode="always_last")
+    for field, axis in zip(parts.fields, AXES, strict=True):
+        triggers = [field.input, field.blur] if isinstance(field, gr.Textbox) else [field.input]
+        for trigger in triggers:
+            page.change(
+                trigger, partial(edit, axis), [parts.filled, field], [parts.note, parts.grid],
+                trigger_mode="always_last",
+            )  # fmt: skip
     page.then_road(page.on_data(parts.grid.switched, switch, (), [parts.note]))
 
 
@@ -101,17 +103,17 @@ def show(desk: Desk, pid: str) -> Any:
     )
 
 
-def edit(desk: Desk, pid: str, filled: Any, *fields: Any) -> Any:
+def edit(axis: str, desk: Desk, pid: str, filled: Any, value: Any) -> Any:
     """Note and grid. What cannot be used yet is said, and the grid stays as it was.
 
-    Filling the fields when the page opens counts as a change of each of them. `filled` is filled
-    last, so whatever comes before it is no wish of the user.
+    A field speaks for its own part of the grid only, and not before it was filled: an event that
+    comes while the page still opens must not empty the rest.
     """
     if filled != pid:
         return gr.skip(), gr.skip()
     try:
         with desk.changing(pid) as project:
-            project.grid = _grid(fields, project)
+            project.grid = AXES[axis](project.grid, value)
             return note(""), questions_value(project.grid.build())
     except QuestionError as error:
         return note(f"Not saved yet: {error}.", "warn"), gr.skip()
@@ -130,22 +132,44 @@ def switch(desk: Desk, pid: str, data: Any) -> Any:
     return note("")
 
 
-def _grid(fields: Sequence[Any], project: Project) -> QuestionGrid:
-    wordings, positive, negative, forms, articles, own_positive, own_negative = fields
-    return QuestionGrid(
-        wordings=tuple(map(Wording.parse, checks.lines(wordings, "the names"))),
-        phrases=(
-            *(StatePhrase(line, 1) for line in checks.lines(positive, "the words")),
-            *(StatePhrase(line, -1) for line in checks.lines(negative, "the words")),
-        ),
-        forms=checks.choices(forms, (Form.IS, Form.DOES), "the forms"),
-        articles=checks.choices(articles, Article, "the articles"),
-        custom=(
-            *(Question(line, 1) for line in checks.lines(own_positive, "your questions")),
-            *(Question(line, -1) for line in checks.lines(own_negative, "your questions")),
-        ),
-        switched_off=project.grid.switched_off,
-    )
+def _with_wordings(grid: QuestionGrid, value: Any) -> QuestionGrid:
+    return replace(grid, wordings=tuple(map(Wording.parse, checks.lines(value, "the names"))))
+
+
+def _with_phrases(yes_means: int, grid: QuestionGrid, value: Any) -> QuestionGrid:
+    fresh = [StatePhrase(line, yes_means) for line in checks.lines(value, "the words")]
+    others = [phrase for phrase in grid.phrases if phrase.yes_means != yes_means]
+    return replace(grid, phrases=tuple(sorted((*fresh, *others), key=_positive_first)))
+
+
+def _with_forms(grid: QuestionGrid, value: Any) -> QuestionGrid:
+    return replace(grid, forms=checks.choices(value, (Form.IS, Form.DOES), "the forms"))
+
+
+def _with_articles(grid: QuestionGrid, value: Any) -> QuestionGrid:
+    return replace(grid, articles=checks.choices(value, Article, "the articles"))
+
+
+def _with_own(yes_means: int, grid: QuestionGrid, value: Any) -> QuestionGrid:
+    fresh = [Question(line, yes_means) for line in checks.lines(value, "your questions")]
+    others = [question for question in grid.custom if question.yes_means != yes_means]
+    return replace(grid, custom=tuple(sorted((*fresh, *others), key=_positive_first)))
+
+
+def _positive_first(one: StatePhrase | Question) -> int:
+    return -one.yes_means
+
+
+AXES: dict[str, Callable[[QuestionGrid, Any], QuestionGrid]] = {
+    "wordings": _with_wordings,
+    "positive": partial(_with_phrases, 1),
+    "negative": partial(_with_phrases, -1),
+    "forms": _with_forms,
+    "articles": _with_articles,
+    "own_positive": partial(_with_own, 1),
+    "own_negative": partial(_with_own, -1),
+}
+"""How each field changes the grid, in the order of `Parts.fields`."""
 
 
 def _phrases(grid: QuestionGrid, yes_means: int) -> str:

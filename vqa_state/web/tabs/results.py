@@ -44,7 +44,8 @@ def build(tab: gr.Tab) -> Parts:
     said = widgets.note("results-note")
     gr.Markdown(
         "### Questions on the training images\nThe number is the share of right answers among "
-        "the valid ones, in %. Choose a cell to see what the model said."
+        "the valid ones, in %. Hatched: more than 20 % of the answers are invalid. Choose a cell "
+        "to see what the model said."
     )
     cells = widgets.heatmap("heatmap")
     answers = widgets.evidence("question-answers")

@@ -1,0 +1,12 @@
+() => {
+  // gradio's text boxes tell their `input` event of key presses only; a paste, a cut or a deletion
+  // changes the text without one. So such a change is followed by a key press that types nothing.
+  let pressed = false;
+  document.addEventListener('keypress', (event) => { pressed = event.isTrusted; }, true);
+  document.addEventListener('input', (event) => {
+    if (event.target.matches('textarea') && !pressed) {
+      event.target.dispatchEvent(new KeyboardEvent('keypress', {bubbles: true}));
+    }
+    pressed = false;
+  });
+}
