@@ -70,5 +70,6 @@ def show(project: Project, found: Results, as_json: bool) -> None:
     left_out = evaluation.n_left_out_train + evaluation.n_left_out_test
     if left_out:
         print(f"{left_out} images are left out because answers are missing; ask again for them.")
-    print(f"The test results were looked at {project.test_looks} times.")
+    looks = "once" if project.test_looks == 1 else f"{project.test_looks} times"
+    print(f"The test results were looked at {looks}.")
     print(f"Recognizer ({project.chosen.value}): {path}")
