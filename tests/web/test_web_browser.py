@@ -181,6 +181,20 @@ def test_names_are_never_read_as_html(
     page.close()
 
 
+def test_opening_the_page_changes_nothing(desk: Desk, url: str, browser: Browser, pid: str) -> None:
+    file = desk.root / pid / "project.json"
+    before = file.read_bytes()
+    watched = Watched(browser, url)
+    open_tab(watched.page, f"{url}/?p={pid}&tab=questions", "#wordings textarea")
+    expect(watched.page.locator("#wordings textarea")).to_have_value("door")
+    for name in ("Images", "Ask", "Optimize", "Results", "Recognizer", "Questions"):
+        watched.page.get_by_role("tab", name=name).click()
+    expect(watched.page.locator("#questions .qg-counts")).to_have_text("16 questions will be asked")
+    assert watched.faults == []
+    watched.page.close()
+    assert file.read_bytes() == before
+
+
 def test_the_app_has_its_guard(url: str) -> None:
     assert httpx.get(url, headers={"Host": "evil.example"}).status_code == 403
     upload = f"{url}/gradio_api/upload"
@@ -268,18 +282,6 @@ def write_questions(page: Page) -> None:
     expect(page.locator("#road")).to_contain_text("31 questions")
 
 
-def test_opening_the_page_changes_nothing(desk: Desk, url: str, browser: Browser, pid: str) -> None:
-    file = desk.root / pid / "project.json"
-    before = file.read_bytes()
-    watched = Watched(browser, url)
-    for tab in ("images", "questions", "ask", "optimize", "results", "recognizer"):
-        open_tab(watched.page, f"{url}/?p={pid}&tab={tab}", "#tabs")
-    watched.page.get_by_role("tab", name="Questions").click()
-    expect(watched.page.locator("#wordings textarea")).to_have_value("door")
-    watched.page.close()
-    assert file.read_bytes() == before
-
-
 def choose_model(page: Page) -> None:
     page.locator("#model input").click()
     page.get_by_role("option", name="scripted").click()
@@ -305,7 +307,9 @@ def ask_and_reload_meanwhile(watched: Watched, gate: Gate) -> None:
 def optimize_it(page: Page) -> None:
     page.get_by_role("tab", name="Optimize").click()
     page.get_by_role("button", name="Advanced: settings of the search").click()
+    expect(page.get_by_label("α, weight")).to_have_value("100")  # the settings have arrived
     page.locator("#generations input").fill("15")
+    page.keyboard.press("Tab")
     page.locator("#optimize-start").click()
     expect(page.locator("#optimize-note")).to_contain_text("Done")
     expect(page.locator("#chart figure").first).to_have_attribute("data-generation", "15")

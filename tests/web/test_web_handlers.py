@@ -282,6 +282,7 @@ def test_searches_are_shown_live_and_after_a_restart(desk: Desk, asked: str) -> 
     for live, later in zip(chart["searches"], kept["searches"], strict=True):
         assert len(live["points"]) == 9
         assert list(map(list, later["points"])) == list(map(list, live["points"]))
+        assert later["terms"] == live["terms"]
 
 
 def test_every_setting_of_the_search_is_kept(desk: Desk, pid: str) -> None:

@@ -17,6 +17,11 @@ from vqa_state.web.views import note
 
 __all__ = ["Parts", "build", "wire"]
 
+CHOOSE = "Choose a project above, or make a new one."
+MAKE = (
+    "Make your first project: say what the thing is called and its two states, then add pictures "
+    "of it. You will find out which yes/no questions recognize the state, and take them with you."
+)
 OPEN_JS = """(id) => {
   if (!id) return;
   const address = new URL(window.location.href);
@@ -75,7 +80,7 @@ def wire(parts: Parts, desk: Desk, demo: gr.Blocks, tabs: gr.Tabs) -> Any:
         try:
             return create(desk, name, positive, negative)
         except VQAStateError as error:
-            raise gr.Error(str(error), title="That did not work", print_exception=False) from error
+            raise gr.Error(str(error), print_exception=False) from error
 
     parts.project.input(None, parts.project, None, js=OPEN_JS, **OPTIONS)
     fields = [parts.name, parts.positive, parts.negative]
@@ -99,14 +104,7 @@ def arrival(desk: Desk, pid: str | None, tab: str | None) -> Any:
     if pid in listing:
         chosen = gr.Dropdown(choices, value=pid)
         return pid, chosen, gr.Accordion(open=False), gr.skip(), _tabs(tab)
-    said = (
-        "Choose a project above, or make a new one."
-        if listing
-        else (
-            "Make your first project: say what the thing is called and its two states, "
-            "then add pictures of it."
-        )
-    )
+    said = CHOOSE if listing else MAKE
     if pid:
         said = f"There is no such project here. {said}"
     chosen = gr.Dropdown(choices, value=None)

@@ -82,7 +82,7 @@ def _explained(fn: Handler, desk: Desk) -> Handler:
         try:
             return fn(desk, pid, *inputs)
         except VQAStateError as error:
-            raise gr.Error(str(error), title="That did not work", print_exception=False) from error
+            raise gr.Error(str(error), print_exception=False) from error
 
     def stream(pid: Any, *inputs: Any) -> Iterator[Any]:
         if not pid:
@@ -90,7 +90,7 @@ def _explained(fn: Handler, desk: Desk) -> Handler:
         try:
             yield from fn(desk, pid, *inputs)
         except VQAStateError as error:
-            raise gr.Error(str(error), title="That did not work", print_exception=False) from error
+            raise gr.Error(str(error), print_exception=False) from error
 
     return stream if inspect.isgeneratorfunction(fn) else handler
 

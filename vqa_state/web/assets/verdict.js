@@ -1,5 +1,5 @@
 // Try a recognizer on a picture: drop or browse, see the verdict, its votes and its answers.
-// Value: {project, objective, verdict: null or the object that the server answers}.
+// Value: {project, objective} where one can be dropped, {verdict} or {failure} for a camera.
 
 const drop = $('.vd-drop'), picker = $('.vd-drop input'), news = $('.vd-news');
 const result = $('.vd-result'), said = $('.vd-said'), picture = $('.vd-result img');
@@ -30,7 +30,8 @@ async function recognize(file) {
 }
 
 function build() {
-  const {verdict = null, failure = ''} = props.value || {};
+  const {verdict = null, failure = '', project = ''} = props.value || {};
+  drop.hidden = !project;   // a camera's verdict, or no recognizer yet
   news.textContent = failure;
   draw(verdict, '');
 }

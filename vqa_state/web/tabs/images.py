@@ -1,5 +1,6 @@
 """First stretch: add pictures, label them, divide them into train and test."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,12 +94,19 @@ def _sides(project: Project) -> Any:
         + ", ".join(f"{n} {name}" for n, name in zip(of_split, names, strict=True))
         for split, of_split in counts.items()
     ]
-    groups = project.look_alikes()
-    if groups:
-        first = " and ".join(project.images[image_id].name for image_id in groups[0][:2])
-        n_groups = f"{len(groups)} group" + ("s" if len(groups) > 1 else "")
-        lines.append(f"{n_groups} of look-alikes, each kept on one side; the first: {first}.")
-    lacking = any(n == 0 for of_split in counts.values() for n in of_split)
-    if lacking:
-        lines.append("Both states are needed on both sides: label more images, then divide.")
-    return note("\n".join(lines), "warn" if lacking else "good")
+    warnings = []
+    if any(n == 0 for of_split in counts.values() for n in of_split):
+        warnings.append("Both states are needed on both sides: label more images, then divide.")
+    astride = project.look_alikes_astride()
+    if astride:
+        warnings.append(f"{_groups(project, astride)}, on both sides, so the test flatters.")
+    together = [group for group in project.look_alikes() if group not in astride]
+    if together:
+        lines.append(f"{_groups(project, together)}, kept on one side.")
+    return note("\n".join([*lines, *warnings]), "warn" if warnings else "good")
+
+
+def _groups(project: Project, groups: Sequence[Sequence[str]]) -> str:
+    first = " and ".join(project.images[image_id].name for image_id in groups[0][:2])
+    many = f"{len(groups)} groups of images look" if len(groups) > 1 else "A group of images looks"
+    return f"{many} alike (such as {first})"

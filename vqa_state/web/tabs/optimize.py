@@ -8,8 +8,8 @@ import gradio as gr
 
 from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
-from vqa_state.scores import Objective, ObjectiveWeights
-from vqa_state.search.fitness import Terms
+from vqa_state.scores import Objective, ObjectiveWeights, count
+from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
 from vqa_state.tuning import OptimizeProgress, Results, optimize, results
 from vqa_state.web import checks, watching, widgets
@@ -239,10 +239,10 @@ def _empty() -> list[Any]:
 
 
 def _kept(found: Results) -> list[Any]:
-    panels = []
+    counts, panels = count(found.train), []
     for objective, saved in found.searches.items():
         points = [(generation, *pair) for generation, pair in enumerate(saved.curve)]
-        terms = [["questions", f"{len(saved.subset)} of {found.train.n_questions}"]]
+        terms = _terms(Fitness(counts, objective, saved.weights).terms(saved.subset))
         panels.append(_panel(objective, saved.settings.generations, points, terms))
     return panels
 

@@ -20,6 +20,8 @@ from vqa_state.web.views import download, note, unfolding
 
 __all__ = ["Parts", "build", "wire"]
 
+SMALL = {"video": {"width": 640, "height": 480}}
+
 
 @dataclass(frozen=True)
 class Parts:
@@ -45,7 +47,7 @@ def build(tab: gr.Tab) -> Parts:
     with gr.Accordion("Try it with the camera", open=False):
         camera = gr.Image(
             sources=["webcam"], type="numpy", label="Camera", show_label=False, elem_id="camera",
-            webcam_options=gr.WebcamOptions(constraints={"video": {"width": 640, "height": 480}}),
+            webcam_options=gr.WebcamOptions(mirror=False, constraints=SMALL),
         )  # fmt: skip
         seen = widgets.verdict("camera-verdict")
     return Parts(tab, objective, about, link, verdict, camera, seen)
