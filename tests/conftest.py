@@ -1,11 +1,8 @@
 """Fixtures for all tests: small pictures, projects on disk, a model without a network."""
 
-import io
-
-import numpy as np
 import pytest
 from hypothesis import settings
-from PIL import Image
+from pictures import picture
 
 from vqa_state import models
 from vqa_state.answers import Answer
@@ -17,23 +14,6 @@ from vqa_state.splits import Split
 
 settings.register_profile("house", deadline=None)  # a busy machine is no failure
 settings.load_profile("house")
-
-
-def draw(number: int, size: tuple[int, int] = (32, 24)) -> Image.Image:
-    """A picture of random blocks; two numbers give two pictures that do not look alike."""
-    blocks = np.random.default_rng(number).integers(0, 256, (6, 8, 3), np.uint8)
-    return Image.fromarray(blocks).resize(size, Image.Resampling.NEAREST)
-
-
-def encode(pixels: Image.Image, kind: str = "PNG", **options) -> bytes:
-    out = io.BytesIO()
-    pixels.save(out, kind, **options)
-    return out.getvalue()
-
-
-def picture(number: int, kind: str = "PNG", **options) -> bytes:
-    """The bytes of a small picture file; another number gives another picture."""
-    return encode(draw(number), kind, **options)
 
 
 def say_yes(image, question):

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from conftest import picture
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pictures import picture
 
 from vqa_state import asking
 from vqa_state.answers import MISSING, Answer

@@ -5,9 +5,9 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from conftest import draw
 from hypothesis import given
 from hypothesis import strategies as st
+from pictures import draw
 from PIL import Image
 
 from vqa_state.augment import Augmentation, AugmentationKind, copies, copy_of, rgb_shifts

@@ -4,7 +4,7 @@ import hashlib
 import json
 
 import pytest
-from conftest import picture
+from pictures import picture
 from typer.testing import CliRunner
 
 from vqa_state import cli, models

@@ -225,6 +225,16 @@ class TestCurriculum:
         assert not [text for text in denied if any(f" {noun} " in text for noun in nouns)]
 
 
+def test_false_premises_are_invalid(model):
+    files = sorted((ROOT / "projects" / "refrigerator" / "images").glob("*.jpg"))[:10]
+    pictures = [Image.open(file).convert("RGB") for file in files]
+    questions = ["Is this bag open?", "Is the TV on?", "Is water running from this faucet?"]
+    outcomes = answers(model, pictures, questions).values()
+    invalid = sum(outcome.verdict(1) == 0 for outcome in outcomes)
+    assert len(outcomes) == 30
+    assert invalid >= 24
+
+
 def test_grids_are_the_papers():
     sizes = {thing: len(questions_about(thing)) for thing in THINGS}
     assert sizes == {

@@ -9,9 +9,9 @@ import zlib
 import numpy as np
 import pillow_heif
 import pytest
-from conftest import draw, encode, picture
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pictures import draw, encode, picture
 from PIL import Image
 
 from vqa_state import images

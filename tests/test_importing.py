@@ -9,9 +9,9 @@ import warnings
 import zipfile
 
 import pytest
-from conftest import picture
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pictures import picture
 
 from vqa_state import images, importing
 from vqa_state.errors import ImageError, ProjectError

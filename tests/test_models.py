@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import draw
+from pictures import draw
 
 from vqa_state import models
 from vqa_state.answers import Answer

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import draw, encode, picture
 from hypothesis import given
 from hypothesis import strategies as st
+from pictures import draw, encode, picture
 
 from vqa_state import files
 from vqa_state import project as project_module

@@ -5,9 +5,9 @@ import subprocess
 import sys
 
 import pytest
-from conftest import draw, encode
 from hypothesis import given
 from hypothesis import strategies as st
+from pictures import draw, encode
 from PIL import Image
 
 from vqa_state.answers import Answer

@@ -15,7 +15,7 @@ from vqa_state.report import comparison_sentences, image_answers, question_frame
 from vqa_state.scores import Objective
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
-from vqa_state.tuning import optimize, recognizer_path, results
+from vqa_state.tuning import optimize, recognizer_path, refresh, results
 from vqa_state.verdict import State
 
 SMALL = SearchSettings(population=40, generations=8)
@@ -104,6 +104,15 @@ def test_changed_training_label_makes_results_stale(asked):
     image = asked.labelled(Split.TRAIN)[0]
     asked.set_labels([image.id], -image.label)
     assert results(asked) is None
+
+
+def test_recognizer_files_follow_the_test_images(asked):
+    tuned(asked)
+    moved = asked.labelled(Split.TEST)[0]
+    asked.set_splits([moved.id], Split.UNUSED)
+    found = refresh(asked)
+    recognizer = Recognizer.load(recognizer_path(asked, Objective.S_PLUS))
+    assert found.test.n_images == recognizer.scores.test.n_images == 7
 
 
 def test_damaged_search_counts_as_none(asked):

@@ -32,7 +32,15 @@ from vqa_state.scores import Objective, ObjectiveWeights, count
 from vqa_state.search.genetic import SearchReport, SearchSettings, search
 from vqa_state.splits import Split
 
-__all__ = ["OptimizeProgress", "Results", "SavedSearch", "optimize", "recognizer_path", "results"]
+__all__ = [
+    "OptimizeProgress",
+    "Results",
+    "SavedSearch",
+    "optimize",
+    "recognizer_path",
+    "refresh",
+    "results",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +157,20 @@ def results(project: Project) -> Results | None:
     return Results(searches, evaluation, _complete(train), test and _complete(test))
 
 
+def refresh(project: Project) -> Results | None:
+    """`results`, and recognizer files that agree with them: test images may have come since.
+
+    Raises:
+        NothingToSearchError: if no training image has all its answers.
+        ProjectError: if there is no question, or a file cannot be written.
+    """
+    found = results(project)
+    if found is not None:
+        for objective in Objective:
+            _recognizer(project, found, objective).save(recognizer_path(project, objective))
+    return found
+
+
 def recognizer_path(project: Project, objective: Objective) -> Path:
     """Where the recognizer of an objective is written."""
     return project.folder / "recognizers" / f"{objective.name.lower()}.json"
@@ -172,10 +194,7 @@ def _keep(
             finished=report.generation == report.total,
         )
         write_atomically(_search_path(project, objective), saved.model_dump_json().encode())
-    found = results(project)
-    assert found is not None  # noqa: S101  # it was written above, for these answers
-    for objective in Objective:
-        _recognizer(project, found, objective).save(recognizer_path(project, objective))
+    refresh(project)
 
 
 def _recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:

@@ -1,20 +1,18 @@
 """A desk with projects, a scripted model, and the app in a thread, for all web tests."""
 
-import hashlib
-import io
 import os
 import shutil
-import threading
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
 os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"  # before gradio is imported, as app.py does
+
+from stand_ins import Gate, picture, says
 
 from vqa_state import models
 from vqa_state.answers import Answer
@@ -23,38 +21,6 @@ from vqa_state.models.fake import ScriptedModel
 from vqa_state.project import Project
 from vqa_state.tuning import optimize
 from vqa_state.web.desk import Desk
-
-
-def picture(number: int, *, dark: bool) -> bytes:
-    """A PNG that looks like no other number's: 8 × 8 random blocks, dark or bright."""
-    rng = np.random.default_rng([number, dark])
-    low, high = (0, 90) if dark else (165, 256)
-    blocks = rng.integers(low, high, (8, 8, 3), dtype=np.uint8)
-    data = io.BytesIO()
-    Image.fromarray(blocks).resize((64, 64), Image.Resampling.NEAREST).save(data, "PNG")
-    return data.getvalue()
-
-
-def says(image: Image.Image, question: str) -> Answer:
-    """Sees whether a picture is dark, and errs in a way of its own for each question."""
-    dark = np.asarray(image.convert("L")).mean() < 128
-    noise = hashlib.sha256(question.encode() + image.resize((4, 4)).tobytes()).digest()
-    if noise[0] < 25:
-        return Answer("not sure")
-    wrong = noise[1] < len(question)
-    yes = bool(dark) ^ ("closed" in question or "not" in question) ^ wrong
-    return Answer("yes" if yes else "no")
-
-
-class Gate:
-    """Lets a model's answers through once it is open; `reached` says that one waits."""
-
-    def __init__(self) -> None:
-        self.opened, self.reached = threading.Event(), threading.Event()
-
-    def pass_through(self) -> None:
-        self.reached.set()
-        assert self.opened.wait(60), "nobody opened the gate"
 
 
 @pytest.fixture

@@ -16,8 +16,8 @@ from typing import Any
 import httpx
 import pytest
 import uvicorn
-from conftest import Gate, picture, says
 from playwright.sync_api import Browser, Page, expect, sync_playwright
+from stand_ins import Gate, picture, says
 
 from vqa_state.asking import ask
 from vqa_state.models.fake import ScriptedModel

@@ -9,7 +9,7 @@ from vqa_state import report
 from vqa_state.cli.terminal import print_json, print_table
 from vqa_state.errors import NothingToSearchError
 from vqa_state.project import Project
-from vqa_state.tuning import Results, recognizer_path, results
+from vqa_state.tuning import Results, recognizer_path, refresh
 
 __all__ = ["Folder", "Json", "Seed", "app", "found_results", "show", "tell"]
 
@@ -44,7 +44,7 @@ def found_results(project: Project) -> Results:
     Raises:
         NothingToSearchError: if nothing was searched, or answers or labels changed since.
     """
-    found = results(project)
+    found = refresh(project)
     if found is None:
         raise NothingToSearchError(
             f"{project.folder} has no search for its present answers and labels; run "

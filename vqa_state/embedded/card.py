@@ -31,7 +31,10 @@ def with_tables(card: str, numbers: Mapping[str, Any]) -> str:
 
 
 def _facts(file: Mapping[str, Any]) -> str:
+    training = file["training"]
     return (
+        f"Training: seed {training['seed']}, {training['scenes']} rendered pictures, "
+        f"{training['photos']} variations of photos, {training['epochs']} epochs. "
         f"Weights: {file['megabytes']} MB, {file['parameters']:,} parameters in float16, SHA-256 "
         f"starts with `{file['digest']}`. "
         f"120 pictures with 64 questions each: {file['seconds_120x64']} s on {file['threads']} "

@@ -21,7 +21,13 @@ from vqa_state.embedded.photos import load_photos
 from vqa_state.embedded.predictor import MAX_IMAGES, Predictor
 from vqa_state.embedded.render import render_split
 from vqa_state.embedded.scenes import THINGS, Split
-from vqa_state.embedded.weights import WEIGHTS, count_parameters, load_network, weights_digest
+from vqa_state.embedded.weights import (
+    WEIGHTS,
+    count_parameters,
+    load_network,
+    read_header,
+    weights_digest,
+)
 
 __all__ = ["main"]
 
@@ -92,6 +98,7 @@ def _file_facts(path: Path, predictor: Predictor, threads: int) -> dict[str, Any
     return {
         "digest": weights_digest(path),
         "megabytes": round(path.stat().st_size / 1e6, 2),
+        "training": read_header(path),
         "parameters": count_parameters(load_network(path)),
         "seconds_120x64": round(_time(predictor), 1),
         "threads": threads,

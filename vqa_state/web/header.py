@@ -49,7 +49,7 @@ class Parts:
 def build() -> Parts:
     """Draw the header."""
     with gr.Row(elem_id="header"):
-        gr.Markdown("# Visual states by questions", elem_id="title")
+        gr.Markdown("# VQA State", elem_id="title")
         project = gr.Dropdown([], label="Project", elem_id="project", scale=0, min_width=280)
     with gr.Accordion("New project", open=False, elem_id="new-project") as new:
         with gr.Row(equal_height=True):

@@ -75,9 +75,7 @@ def theme() -> gr.themes.Base:
 def build(desk: Desk) -> gr.Blocks:
     """The whole page."""
     demo: gr.Blocks
-    with gr.Blocks(
-        title="Visual states by questions", analytics_enabled=False, delete_cache=(HOUR, HOUR)
-    ) as demo:
+    with gr.Blocks(title="VQA State", analytics_enabled=False, delete_cache=(HOUR, HOUR)) as demo:
         top = header.build()
         parts = {}
         with gr.Tabs(elem_id="tabs") as tabs:

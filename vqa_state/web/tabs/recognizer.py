@@ -8,10 +8,15 @@ import gradio as gr
 import numpy as np
 from PIL import Image
 
-from vqa_state.errors import RecognizerError, VQAStateError
+from vqa_state.errors import (
+    NothingToSearchError,
+    ProjectError,
+    RecognizerError,
+    VQAStateError,
+)
 from vqa_state.recognizer import Recognizer
 from vqa_state.scores import Objective
-from vqa_state.tuning import recognizer_path
+from vqa_state.tuning import recognizer_path, refresh
 from vqa_state.web import checks, verdicts, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
@@ -89,14 +94,18 @@ def see(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
 
 def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
     place = {"project": pid, "objective": chosen.value}
-    with desk.reading(pid) as project:
-        path = recognizer_path(project, chosen)
-    if not path.exists():
-        return note("There is no recognizer yet: optimize first."), note(""), {}
+    none: tuple[Any, Any] = note(""), {}
+    project = desk.snapshot(pid)
     try:
-        recognizer = Recognizer.load(path)
+        if refresh(project) is None:
+            return note(
+                "There is no recognizer for these answers and labels: optimize first."
+            ), *none
+        recognizer = Recognizer.load(recognizer_path(project, chosen))
+    except (NothingToSearchError, ProjectError) as error:
+        return note(f"There is no recognizer yet: {error}."), *none
     except RecognizerError as error:
-        return note(f"{error}", "bad"), note(""), {}
+        return note(f"{error}", "bad"), *none
     href = f"/projects/{quote(pid)}/recognizers/{quote(chosen.value)}.json"
     return _about(recognizer), download(href, "Download the recognizer (JSON)"), place
 
