@@ -8,6 +8,10 @@ missing=()
 command -v chromium >/dev/null || missing+=(chromium)
 ldconfig -p | grep -q libOSMesa || missing+=(libosmesa6)
 if [ ${#missing[@]} -gt 0 ]; then
+  if ! command -v apt-get >/dev/null; then
+    echo "The tests need ${missing[*]} (Debian's names); install them with your system's tools." >&2
+    exit 1
+  fi
   as_root=""; [ "$(id -u)" = 0 ] || as_root=sudo
   $as_root apt-get update -qq
   DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -qq "${missing[@]}" >/dev/null
