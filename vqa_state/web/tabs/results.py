@@ -81,15 +81,15 @@ def wire(parts: Parts, page: Page) -> None:
 
 
 def show(desk: Desk, pid: str) -> Any:
-    """Everything but the test images."""
+    """Everything but the test images; evidence that a quick hand already chose stays."""
     project = desk.snapshot(pid)
     found, said = _results(project)
     table = _table(found, TRAIN) if found else gr.Dataframe(visible=False)
     hidden = gr.Dataframe(visible=False)
     has_test = found is not None and found.test is not None
     return (
-        said, _heatmap(project), {}, table, {},
-        _look_button(project, has_test), hidden, note(""), {},
+        said, _heatmap(project), gr.skip(), table, gr.skip(),
+        _look_button(project, has_test), hidden, note(""), gr.skip(),
     )  # fmt: skip
 
 
