@@ -479,3 +479,13 @@ def test_any_stops_and_failures_end_in_the_same_table(
     finish(whole, ScriptedModel(telling))
     assert same(tables(project), tables(whole))
     assert Project.open(project.folder).images == whole.images
+
+
+def test_two_at_once_never_pay_for_the_same_answers(project, scripted):
+    first = ask(project, scripted)
+    next(first)
+    with pytest.raises(ProjectError, match=r"being asked by another .* ask again"):
+        next(ask(project, scripted))
+    list(first)
+    assert len(scripted.asked) == plan(project, scripted.fingerprint).n_calls
+    assert next(ask(project, scripted)).n_left == 0  # the lock is free again

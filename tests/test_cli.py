@@ -2,13 +2,15 @@
 
 import hashlib
 import json
+from contextlib import contextmanager
 
 import pytest
-from pictures import picture
+from pictures import draw, encode, picture
 from typer.testing import CliRunner
 
 from vqa_state import cli, models
 from vqa_state.answers import Answer
+from vqa_state.cli import running
 from vqa_state.models.base import Failure
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.project import Project
@@ -158,6 +160,90 @@ def test_failed_calls_are_said_and_asked_again(run, folder, registry):
     assert (code, "256 of 512 answers asked" in out) == (0, True)
 
 
+def test_a_stopped_search_says_so(run, folder, monkeypatch):
+    run("optimize", folder, *QUICK)
+
+    @contextmanager
+    def at_once():
+        yield lambda: True
+
+    monkeypatch.setattr(running, "interruptible", at_once)
+    code, out, err = run("optimize", folder, "--json")
+    assert (code, json.loads(out)["finished"]) == (3, False)
+    assert "stopped by you at generation 0 of 5" in err
+
+
+def test_a_project_that_changes_meanwhile_loses_nothing(run, folder, monkeypatch):
+    real = running.optimize
+
+    def meanwhile(project, stop):
+        yield from real(project, stop)
+        other = Project.open(folder)
+        other.test_looks = 7
+        other.save()
+
+    monkeypatch.setattr(running, "optimize", meanwhile)
+    code, out, _ = run("optimize", folder, *QUICK)
+    assert code == 0
+    assert "looked at 8 times" in out
+    assert Project.open(folder).test_looks == 8
+
+
+def test_one_bad_picture_ends_nothing(run, tmp_path, folder, photos):
+    run("optimize", folder, *QUICK)
+    run("export", folder, tmp_path / "r.json")
+    pictures = [photos / "open" / "text.jpg", photos / "open" / "1.png", tmp_path / "none.png"]
+    code, out, err = run("recognize", tmp_path / "r.json", *pictures, "--json")
+    records = json.loads(out)
+    assert code == 1
+    assert ["error" in record for record in records] == [True, False, True]
+    assert "not a picture" in err
+
+
+def test_one_bad_path_ends_nothing(run, tmp_path, photos):
+    run("new", tmp_path / "p", "--name", "door", "--seed", 5)
+    code, out, _ = run("add", tmp_path / "p", photos / "open" / "1.png", "nowhere", "--json")
+    document = json.loads(out)
+    assert (code, len(document["added"]), document["refused"][0]["name"]) == (0, 1, "nowhere")
+    project = Project.open(tmp_path / "p")
+    assert (len(project.images), project.seed) == (1, 5)
+
+
+def test_a_refused_name_leaves_no_project(run, tmp_path):
+    assert run("new", tmp_path / "p", "--name", "a|b")[0] == 1
+    assert run("new", tmp_path / "p", "--name", "door")[0] == 0
+
+
+def test_the_same_picture_under_both_states_is_told(run, tmp_path, photos):
+    (photos / "closed" / "again.png").write_bytes((photos / "open" / "1.png").read_bytes())
+    run("new", tmp_path / "p", "--name", "door")
+    code, _, err = run("add", tmp_path / "p", photos)
+    assert code == 0
+    assert "it keeps that label: change it by hand" in " ".join(err.split())
+
+
+def test_look_alikes_are_told_when_they_are_added(run, tmp_path):
+    pixels = draw(1, (320, 240))
+    for number, quality in enumerate((95, 60)):
+        (tmp_path / f"{number}.jpg").write_bytes(encode(pixels, "JPEG", quality=quality))
+    run("new", tmp_path / "p", "--name", "door")
+    _, _, err = run("add", tmp_path / "p", tmp_path / "0.jpg", tmp_path / "1.jpg")
+    assert "look alike" in err
+
+
+def test_an_antonym_alone_replaces_the_negative_phrase(run, folder):
+    document = json.loads(run("grid", folder, "--antonym", "shut", "--json")[1])
+    texts = {question["text"] for question in document["questions"]}
+    assert {"Is the door open?", "Is the door shut?"} <= texts
+    assert "Is the door closed?" not in texts
+
+
+def test_an_own_question_is_added_once(run, folder):
+    for _ in range(2):
+        document = json.loads(run("grid", folder, "--yes-positive", "Is it ajar?", "--json")[1])
+    assert document["duplicates"] == []
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "sentence"),
     [
@@ -173,6 +259,8 @@ def test_failed_calls_are_said_and_asked_again(run, folder, registry):
         (["new", "{folder}", "--name", "x"], 1, "holds a project already"),
         (["grid", "{folder}", "--wording", "water | in sink"], 1, "must hold {article} once"),
         (["recognize", "none.json", "x.png"], 1, "check the path"),
+        (["grid", "{folder}", "--off", "No such question?"], 2, "there is no question"),
+        (["label", "{folder}", "--state", "open"], 2, "need the names or ids"),
     ],
 )
 def test_mistakes_end_in_a_sentence(run, folder, arguments, code, sentence):

@@ -1,8 +1,11 @@
 """What the documents say is true: commands exist, paths exist, figures are right."""
 
 import json
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,7 +13,9 @@ from scipy.stats import binomtest
 from typer.testing import CliRunner
 
 from vqa_state import cli
+from vqa_state.project import Project
 from vqa_state.recognizer import Recognizer
+from vqa_state.splits import Split
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -37,6 +42,23 @@ def test_paths_in_documents_exist(document):
     for path in set(quoted) - generated:
         places = (ROOT / path, ROOT / "vqa_state" / path, document.parent / path)
         assert any(place.exists() for place in places), f"{document.name}: {path}"
+
+
+def test_the_readmes_road_can_be_walked(tmp_path):
+    """Its commands, word for word, on the sample's pictures and the embedded model."""
+    sample = Project.open(ROOT / "projects" / "refrigerator")
+    for image in sample.labelled(Split.TRAIN)[:8]:
+        folder = tmp_path / "photos" / sample.states.of(image.label)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"{image.id}.jpg").write_bytes(sample.read(image))
+    (tmp_path / "photo.jpg").write_bytes(sample.read(sample.labelled(Split.TEST)[0]))
+    block = next(b for b in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) if "tune" in b)
+    for line in block.splitlines():
+        words = [sys.executable, *shlex.split(line)[1:]]
+        env = os.environ | {"PYTHONPATH": str(ROOT)}
+        done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
+        assert done.returncode == 0, f"{line}: {done.stderr}"
+    assert "of the valid votes" in done.stdout
 
 
 def test_the_readme_has_the_two_commands():

@@ -1,9 +1,11 @@
 """The file: same choice, same bytes; damage, newer versions and unknown fields are refused."""
 
+import io
 import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -111,14 +113,32 @@ def test_paper_vote_is_a_majority_of_integers(pairs):
     assert recognizer().verdict(votes).state is expected[(balance > 0) - (balance < 0)]
 
 
-def test_path_bytes_and_picture_give_the_same_votes(tmp_path):
-    model = ScriptedModel(
-        lambda image, question: Answer("yes" if sum(image.getpixel((3, 3))) % 2 else "no")
-    )
-    (tmp_path / "picture.png").write_bytes(encode(draw(4)))
-    forms = (tmp_path / "picture.png", str(tmp_path / "picture.png"), encode(draw(4)), draw(4))
-    votes = [recognizer().recognize(form, model).votes for form in forms]
-    assert votes[1:] == votes[:-1]
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA", "L", "P", "I;16", "1"])
+def test_path_bytes_and_picture_give_the_same_votes(tmp_path, mode):
+    seen = []
+
+    def script(image, _):
+        seen.append(image.tobytes())
+        return Answer("yes")
+
+    drawn = draw(4).convert("L" if mode == "I;16" else mode)
+    if mode == "I;16":
+        drawn = Image.fromarray(np.asarray(drawn, np.uint16) * 257)
+    if "A" in mode:
+        drawn.putalpha(Image.linear_gradient("L").resize(drawn.size))
+    data = encode(drawn)
+    (tmp_path / "picture.png").write_bytes(data)
+    opened = Image.open(io.BytesIO(data))
+    assert opened.mode == mode
+    for form in (tmp_path / "picture.png", str(tmp_path / "picture.png"), data, opened):
+        recognizer().recognize(form, ScriptedModel(script))
+    shown = [seen[start : start + 6] for start in range(0, 24, 6)]
+    assert shown[1:] == shown[:-1]
+
+
+def test_a_device_is_no_picture():
+    with pytest.raises(ImageError, match="is no file"):
+        recognizer().recognize("/dev/zero", saying(a="yes", b="no", c="yes"))
 
 
 def test_grey_frame_is_read():

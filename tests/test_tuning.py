@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import json
 
 import pytest
 
@@ -11,7 +12,15 @@ from vqa_state.errors import NothingToSearchError
 from vqa_state.evaluation import Candidate
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.recognizer import Recognizer
-from vqa_state.report import comparison_sentences, image_answers, question_frame, score_frame
+from vqa_state.report import (
+    MissedPicture,
+    comparison_sentences,
+    image_answers,
+    missed_pictures,
+    question_frame,
+    score_frame,
+    term_sentences,
+)
 from vqa_state.scores import Objective
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
@@ -66,12 +75,23 @@ def test_recognizing_the_test_images_gives_the_test_table(asked, model):
         }
         states = {1: State.POSITIVE, -1: State.NEGATIVE}
         right = sum(verdict.state is states[i.label] for i, verdict in verdicts.items())
+        rates = sorted(rate(verdict, image.label) for image, verdict in verdicts.items())
+        missed = {i.id for i, verdict in verdicts.items() if verdict.state is not states[i.label]}
         n_invalid = sum(verdict.n_invalid for verdict in verdicts.values())
         n_calls = sum(verdict.n_calls for verdict in verdicts.values())
         assert right == row.test.n_recognized
-        assert n_invalid / n_calls == pytest.approx(row.test.R_invalid)
+        assert n_invalid / n_calls == row.test.R_invalid
+        assert sum(rates) / len(rates) == pytest.approx(row.test.R_ave, abs=1e-15)
+        assert missed == {one.image_id for one in row.test_missed}
         assert recognizer.scores.test.n_recognized == row.test.n_recognized
         assert len(recognizer.questions) == row.test.n_used
+
+
+def rate(verdict, label):
+    """C / (C + W) of one image, 0 without a valid answer. Source: paper II-A."""
+    right = verdict.n_positive if label > 0 else verdict.n_negative
+    valid = verdict.n_positive + verdict.n_negative
+    return right / valid if valid else 0.0
 
 
 def test_twice_gives_the_same_bytes(asked):
@@ -115,10 +135,43 @@ def test_recognizer_files_follow_the_test_images(asked):
     assert found.test.n_images == recognizer.scores.test.n_images == 7
 
 
-def test_damaged_search_counts_as_none(asked):
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"subset": [999]},
+        {"subset": []},
+        {"subset": [0, 0]},
+        {"curve": []},
+        {"objective": "s-"},
+        None,
+    ],
+)
+def test_damaged_search_counts_as_none(asked, damage):
     tuned(asked)
-    (asked.folder / "searches" / "s_plus.json").write_text("{")
+    path = asked.folder / "searches" / "s_plus.json"
+    content = json.loads(path.read_text())
+    path.write_text("{" if damage is None else json.dumps(content | damage))
     assert results(asked) is None
+    assert refresh(asked) is None
+    assert not recognizer_path(asked, Objective.S_PLUS).exists()
+
+
+def test_every_term_is_told(asked):
+    _, found = tuned(asked)
+    said = term_sentences(found)
+    assert [sentence.split(":")[0] for sentence in said] == [one.value for one in Objective]
+    for sentence, report in zip(said, found.searches.values(), strict=True):
+        assert f"= {report.curve[-1][0]:.3f}, " in sentence
+        assert "above all questions by" in sentence or "no better than all" in sentence
+
+
+def test_every_missed_image_is_told(asked):
+    _, found = tuned(asked)
+    for row in found.evaluation.rows:
+        missed = missed_pictures(asked, row)
+        assert len(missed) == len(row.train_missed) + len(row.test_missed)
+    silent = MissedPicture("a.png", "open", "test", 0, 0, 12)
+    assert silent.sentence() == "test: a.png is open: no answer (12 invalid)"
 
 
 def test_stop_keeps_the_best_and_says_so(asked):

@@ -74,7 +74,7 @@ _HEDGE = re.compile(
     r"|(?:cannot|can't|can not|couldn't|could not) (?:really )?(?:be )?"
     r"(?:tell|say|see|know|judge|answer|determined?|decided?))\b"
 )
-_NOBODY = re.compile(r"\W*no one\b")
+_NOBODY = re.compile(r"\W*no (?:one|answer|image|picture|information|comment|response)\b")
 
 
 @lru_cache(maxsize=1024)  # a model says the same few things again and again

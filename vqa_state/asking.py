@@ -6,14 +6,16 @@ is missing, is counted and shown, and is asked again the next time.
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
+from filelock import FileLock, Timeout
 from PIL import Image
 
 from vqa_state.answers import MISSING, Answer, AnswerTable
 from vqa_state.augment import Augmentation, AugmentationKind, copy_of
-from vqa_state.errors import ImageError, ModelError, NothingToSearchError
+from vqa_state.errors import ImageError, ModelError, NothingToSearchError, ProjectError
 from vqa_state.images import pixel_hash, read_picture
 from vqa_state.models.base import Failure, Reply, VQAModel
 from vqa_state.project import LabelledImage, Project
@@ -117,12 +119,13 @@ def ask(
 
     Raises:
         NothingToSearchError: if no image is labelled.
-        ProjectError: if there is no question.
+        ProjectError: if there is no question, or another program asks about this project now: two
+            would pay for the same answers.
         StoreError: if an answer cannot be stored; nothing stored before is lost.
     """
     images, questions = _asked_about(project)
     began = time.monotonic()
-    with AnswerStore(project.store_path) as store:
+    with _only_asker(project), AnswerStore(project.store_path) as store:
         fingerprint = model.fingerprint
         jobs = list(_jobs(project, images, questions, store, fingerprint))
         n_calls = len(images) * project.augmentation.n_copies * len(questions)
@@ -136,6 +139,28 @@ def ask(
             if stop():
                 yield replace(progress, stopped=progress.n_left > 0)
                 return
+
+
+@contextmanager
+def _only_asker(project: Project) -> Iterator[None]:
+    """The system frees the lock when its holder is killed."""
+    # A job's thread may begin what another one ends, so the lock is not a thread's own.
+    lock = FileLock(project.folder / ".asking.lock", thread_local=False)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout as error:
+        raise ProjectError(
+            f"the project {project.name!r} is being asked by another program or page; wait for it "
+            "or stop it, then ask again"
+        ) from error
+    except OSError as error:
+        raise ProjectError(
+            f"cannot write into {project.folder} ({error.strerror}); check its permissions"
+        ) from error
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def answer_table(project: Project, split: Split) -> AnswerTable:

@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-import tempfile
+import uuid
 from pathlib import Path
 
 from vqa_state.errors import ProjectError
@@ -16,20 +16,17 @@ def write_atomically(path: Path, data: bytes) -> None:
     Raises:
         ProjectError: if the disk is full or the folder cannot be written; `path` is as it was.
     """
-    temporary = None
+    temporary = path.parent / f".writing-{uuid.uuid4().hex}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".writing-")
-        with os.fdopen(handle, "wb") as file:
+        with temporary.open("xb") as file:  # the user's own umask says who may read it
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        Path(temporary).chmod(0o644)  # mkstemp makes it private; a project can be shared
-        Path(temporary).replace(path)
+        temporary.replace(path)
     except OSError as error:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                Path(temporary).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
         raise ProjectError(
             f"cannot write {path} ({error.strerror or error}); nothing was changed: check free "
             "disk space and permissions, then try again"

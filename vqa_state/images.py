@@ -5,6 +5,7 @@ import io
 import struct
 import zlib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
@@ -18,7 +19,9 @@ __all__ = [
     "content_hash",
     "perceptual_hash",
     "pixel_hash",
+    "read_file",
     "read_picture",
+    "rgb_pixels",
     "thumbnail",
 ]
 
@@ -91,7 +94,7 @@ def read_picture(data: bytes) -> Picture:
         opened = _open(data)
         _check_size(*opened.size)
         suffix = _SUFFIXES[opened.format or ""]
-        return Picture(_to_rgb(ImageOps.exif_transpose(opened)), suffix)
+        return Picture(rgb_pixels(opened), suffix)
     except UnidentifiedImageError as error:
         raise ImageError(
             "this is not a picture that can be read; use JPEG, PNG, WebP, BMP or HEIC"
@@ -105,6 +108,26 @@ def read_picture(data: bytes) -> Picture:
         raise ImageError(
             f"the picture is damaged ({type(error).__name__}); save it again from its source"
         ) from error
+
+
+def read_file(path: Path) -> bytes:
+    """The bytes of a picture's file, one more than is allowed at most: no device is read for ever.
+
+    Raises:
+        ImageError: if it is no file or cannot be read.
+    """
+    try:
+        if not path.is_file():
+            raise ImageError(f"{path} is no file; check the path")
+        with path.open("rb") as file:
+            return file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise ImageError(f"cannot read {path} ({error}); check the path") from error
+
+
+def rgb_pixels(opened: Image.Image) -> Image.Image:
+    """RGB pixels after the EXIF turn: what is hashed, copied and shown to a model."""
+    return _to_rgb(ImageOps.exif_transpose(opened))
 
 
 def thumbnail(pixels: Image.Image) -> bytes:

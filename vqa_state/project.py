@@ -116,8 +116,10 @@ class Project:
     _seen: str = field(default="", repr=False)
 
     @classmethod
-    def create(cls, folder: Path, name: str, states: StateNames) -> "Project":
-        """Make a new project in an empty or new folder.
+    def create(
+        cls, folder: Path, name: str, states: StateNames, *, grid: QuestionGrid | None = None
+    ) -> "Project":
+        """Make a new project in a folder that holds none.
 
         Raises:
             ProjectError: if the folder holds a project already or cannot be written.
@@ -125,6 +127,7 @@ class Project:
         if (folder / _FILE).exists():
             raise ProjectError(f"{folder} holds a project already; open it or name another folder")
         project = cls(folder, clean_text(name, "the project's name"), states)
+        project.grid = grid or project.grid
         project.save()
         return project
 
@@ -162,7 +165,12 @@ class Project:
             )
         fields = {k: getattr(self, k) for k in _File.model_fields if k != "schema_version"}
         try:
-            content = _File(**(fields | {"images": tuple(self.images.values())}))
+            content = _File(
+                **(
+                    fields
+                    | {"schema_version": SCHEMA_VERSION, "images": tuple(self.images.values())}
+                )
+            )
         except ValidationError as error:
             first = error.errors()[0]
             raise ProjectError(
@@ -170,8 +178,9 @@ class Project:
                 f"{first['input']!r} ({first['msg']}); give another value"
             ) from error
         data = (content.model_dump_json(indent=1) + "\n").encode()
-        write_atomically(path, data)
-        self._seen = _digest(data)
+        if not path.exists() or _digest(data) != self._seen:  # else it stands there already
+            write_atomically(path, data)
+            self._seen = _digest(data)
 
     def changed_elsewhere(self) -> bool:
         """Whether project.json is no longer what this object read or wrote last."""
@@ -200,18 +209,18 @@ class Project:
     def add(self, data: bytes, name: str, label: int | None = None) -> Added:
         """Keep a picture's bytes under their SHA-256.
 
-        Bytes that the project has already are the same image; a new label replaces its old one,
-        and a file that is gone or damaged is written again.
+        Bytes that the project has already are the same image; it keeps the label that it has, and
+        a file that is gone or damaged is written again.
 
         Raises:
-            ImageError: if the picture cannot be read or the project is full.
+            ImageError: if the picture cannot be read, has the other label already, or the project
+                is full.
             ProjectError: if it cannot be written.
         """
         image_id = content_hash(data)
         if image_id in self.images:
             self._restore(self.images[image_id], data)
-            if label is not None:
-                self.set_labels([image_id], label)
+            self._label_again(self.images[image_id], label)
             return Added(self.images[image_id], is_new=False)
         if len(self.images) >= MAX_IMAGES:
             raise ImageError(f"the project has {MAX_IMAGES:,} images, the most that it can hold")
@@ -228,6 +237,17 @@ class Project:
         self.images[image_id] = image
         self.set_labels([image_id], label)
         return Added(self.images[image_id], is_new=True)
+
+    def _label_again(self, image: LabelledImage, label: int | None) -> None:
+        """The same bytes under two labels are a mistake that only the user can mend."""
+        if label is None or label == image.label:
+            return
+        if image.label is not None:
+            raise ImageError(
+                f"the same picture is in the project already, as {self.states.of(image.label)!r} "
+                f"({image.name}); it keeps that label: change it by hand if it is wrong"
+            )
+        self.set_labels([image.id], label)
 
     def remove(self, ids: Iterable[str]) -> None:
         """Take images out of the project, and their files; answers about them stay stored."""
@@ -301,7 +321,7 @@ class Project:
         """
         image = self._image(image_id)
         path = self._thumbnail_path(image)
-        if not path.exists():
+        if path.is_symlink() or not path.exists():  # a link could show any file of this machine
             write_atomically(path, thumbnail(read_picture(self.read(image)).pixels))
         return path.read_bytes()
 
@@ -340,7 +360,7 @@ class _File(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1]
     name: str
     states: StateNames
     images: tuple[LabelledImage, ...]
@@ -364,7 +384,7 @@ def _parse(data: bytes, path: Path) -> _File:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
-        if where == "schema_version":
+        if where == "schema_version" and first["type"] != "missing":
             raise ProjectError(
                 f"{path} has schema version {first.get('input')!r}; this program reads up to "
                 f"{SCHEMA_VERSION}: update the program"

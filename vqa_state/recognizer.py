@@ -13,15 +13,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from PIL import Image, ImageOps
+from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
 from vqa_state import models
 from vqa_state.answers import PARSER_VERSION
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind, copies
-from vqa_state.errors import ImageError, ModelError, RecognizerError
+from vqa_state.errors import ModelError, RecognizerError
 from vqa_state.files import write_atomically
-from vqa_state.images import pixel_hash, read_picture
+from vqa_state.images import pixel_hash, read_file, read_picture, rgb_pixels
 from vqa_state.models.base import Failure, VQAModel
 from vqa_state.questions import MAX_QUESTIONS
 from vqa_state.scores import Objective, ObjectiveWeights
@@ -324,10 +324,5 @@ def _digest(content: dict[str, Any]) -> str:
 
 def _pixels(image: str | Path | bytes | Image.Image) -> Image.Image:
     if isinstance(image, Image.Image):
-        return ImageOps.exif_transpose(image).convert("RGB")
-    if isinstance(image, bytes):
-        return read_picture(image).pixels
-    try:
-        return read_picture(Path(image).read_bytes()).pixels
-    except OSError as error:
-        raise ImageError(f"cannot read {image}: {error.strerror}; check the path") from error
+        return rgb_pixels(image)
+    return read_picture(image if isinstance(image, bytes) else read_file(Path(image))).pixels

@@ -11,18 +11,24 @@ from vqa_state.answers import AnswerTable
 from vqa_state.asking import answer_table
 from vqa_state.evaluation import Candidate, Evaluation, Interval, Row, paired_test
 from vqa_state.project import Project
-from vqa_state.scores import SubsetScore, count, question_stats
+from vqa_state.scores import Counts, SubsetScore, count, question_stats
+from vqa_state.search.fitness import Fitness
 from vqa_state.splits import Split
 from vqa_state.store import AnswerStore, copy_keys
+from vqa_state.tuning import Results, SavedSearch
 
 __all__ = [
     "ImageAnswer",
+    "MissedPicture",
     "comparison_frame",
     "comparison_sentences",
     "heatmap",
     "image_answers",
+    "look_alike_sentences",
+    "missed_pictures",
     "question_frame",
     "score_frame",
+    "term_sentences",
 ]
 
 
@@ -77,6 +83,83 @@ def comparison_sentences(evaluation: Evaluation) -> list[str]:
     if first.test is None:
         return ["There are no test images, so nothing here says how good it is on new ones."]
     return [_compared(first.test, rival.test, rival.name) for rival in rivals if rival.test]
+
+
+def term_sentences(found: Results) -> list[str]:
+    """For each objective, what its best fitness is made of, and which term beat asking all.
+
+    Source: paper II-B; the weighted sum is literal, so no term outranks another in every case.
+    """
+    counts = count(found.train)
+    return [_terms_in_words(counts, saved) for saved in found.searches.values()]
+
+
+def _terms_in_words(counts: Counts, saved: SavedSearch) -> str:
+    fitness = Fitness(counts, saved.objective, saved.weights)
+    best, everything = fitness.terms(saved.subset), fitness.terms(range(counts.n_questions))
+    alpha, beta = saved.weights.alpha, saved.objective.beta_sign * saved.weights.beta
+    shares = {
+        "recognized images": alpha * (best.n_recognized - everything.n_recognized) / best.n_images,
+        "the mean correct rate": best.R_ave - everything.R_ave,
+        "the number of questions": beta * (best.n_used - everything.n_used) / best.n_questions,
+    }
+    decided = (
+        f"above all questions by {max(shares, key=lambda term: shares[term])}"
+        if best.value > everything.value
+        else "no better than all questions"
+    )
+    return (
+        f"{saved.objective.value}: E = {alpha:g} × {best.n_recognized}/{best.n_images} + "
+        f"{best.R_ave:.3f} {'+' if beta >= 0 else '-'} {abs(beta):g} × "
+        f"{best.n_used}/{best.n_questions} = {best.value:.3f}, {decided}."
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class MissedPicture:
+    """An image that a subset does not recognize, under the name that it came with."""
+
+    name: str
+    state: str
+    split: str
+    n_for: int
+    n_against: int
+    n_invalid: int
+
+    def sentence(self) -> str:
+        """One line; an image without a clear yes or no has no answer, which is not 0."""
+        if self.n_for == self.n_against == 0:
+            votes = f"no answer ({self.n_invalid} invalid)"
+        else:
+            votes = f"{self.n_for} for, {self.n_against} against, {self.n_invalid} invalid"
+        return f"{self.split}: {self.name} is {self.state}: {votes}"
+
+
+def missed_pictures(project: Project, row: Row) -> list[MissedPicture]:
+    """Training and test images that this row's subset does not recognize."""
+    return [
+        MissedPicture(
+            project.images[one.image_id].name,
+            project.states.of(one.label),
+            split.value,
+            one.n_for,
+            one.n_against,
+            one.n_invalid,
+        )
+        for split, missed in ((Split.TRAIN, row.train_missed), (Split.TEST, row.test_missed))
+        for one in missed
+    ]
+
+
+def look_alike_sentences(project: Project) -> list[str]:
+    """The groups of look-alikes, and where they stand."""
+    astride = project.look_alikes_astride()
+    sentences = []
+    for group in project.look_alikes():
+        where = "on both sides, so the test flatters" if group in astride else "kept on one side"
+        names = ", ".join(project.images[image_id].name for image_id in group)
+        sentences.append(f"These images look alike ({where}): {names}")
+    return sentences
 
 
 def image_answers(project: Project, image_id: str, texts: set[str]) -> list[ImageAnswer]:

@@ -72,8 +72,8 @@ class SavedSearch(BaseModel):
     weights: ObjectiveWeights
     settings: SearchSettings
     seed: int
-    subset: tuple[Annotated[int, Field(ge=0)], ...]
-    curve: tuple[tuple[float, float], ...]
+    subset: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
+    curve: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)]
     """Best and mean fitness of each generation."""
     finished: bool
 
@@ -150,24 +150,40 @@ def results(project: Project) -> Results | None:
     if len(searches) < len(Objective):
         return None
     train, test = _tables(project)
-    if any(one.table != _digest(train) for one in searches.values()):
+    if not all(_fits(one, objective, train) for objective, one in searches.items()):
         return None
     chosen = {objective: one.subset for objective, one in searches.items()}
     evaluation = evaluate(train, test, chosen, seed=project.search_seed)
     return Results(searches, evaluation, _complete(train), test and _complete(test))
 
 
+def _fits(saved: SavedSearch, objective: Objective, train: AnswerTable) -> bool:
+    """Whether a search is of these answers, and could have come from this program."""
+    positions = set(saved.subset)
+    return (
+        saved.table == _digest(train)
+        and saved.objective is objective
+        and len(positions) == len(saved.subset)
+        and max(positions) < train.n_questions
+    )
+
+
 def refresh(project: Project) -> Results | None:
-    """`results`, and recognizer files that agree with them: test images may have come since.
+    """`results`, and recognizer files that agree with them: none that is of other answers.
 
     Raises:
         NothingToSearchError: if no training image has all its answers.
         ProjectError: if there is no question, or a file cannot be written.
     """
     found = results(project)
-    if found is not None:
-        for objective in Objective:
-            _recognizer(project, found, objective).save(recognizer_path(project, objective))
+    for objective in Objective:
+        path = recognizer_path(project, objective)
+        if found is None:
+            path.unlink(missing_ok=True)
+            continue
+        recognizer = _recognizer(project, found, objective)
+        if not path.exists() or path.read_bytes() != recognizer.to_bytes():
+            recognizer.save(path)
     return found
 
 

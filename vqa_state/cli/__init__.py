@@ -4,6 +4,7 @@ Exit codes: 0 it went well; 1 something must be changed first (the message says 
 command was typed wrong; 3 it ended early, an answer is missing or a verdict is unknown.
 """
 
+import io
 import sys
 
 from vqa_state.cli import making, running, using
@@ -16,6 +17,9 @@ __all__ = ["app", "main", "making", "running", "using"]
 
 def main() -> None:
     """Run one command; an error of ours is shown as a sentence."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a file's name may be no text at all
     try:
         app()
     except VQAStateError as error:

@@ -7,8 +7,8 @@ import typer
 
 from vqa_state.cli.options import Folder, Json, app, tell
 from vqa_state.cli.terminal import say
-from vqa_state.errors import ProjectError
-from vqa_state.importing import ImportReport, add_folder
+from vqa_state.errors import ImageError, ProjectError
+from vqa_state.importing import ImportReport, Refused, add_folder
 from vqa_state.project import LabelledImage, Project, StateNames
 from vqa_state.questions import (
     Article,
@@ -19,6 +19,7 @@ from vqa_state.questions import (
     Wording,
     phrases_for,
 )
+from vqa_state.report import look_alike_sentences
 from vqa_state.splits import Split
 
 
@@ -28,11 +29,15 @@ def new(
     name: Annotated[str, typer.Option(help="What the thing is called, for example refrigerator.")],
     positive: Annotated[str, typer.Option(help="Name of the one state.")] = "open",
     negative: Annotated[str, typer.Option(help="Name of the other state.")] = "closed",
+    seed: Annotated[
+        int, typer.Option(min=0, max=2**32 - 1, help="Of the copies and of the split.")
+    ] = 0,
     as_json: Json = False,
 ) -> None:
     """Make a project. Its questions begin with NAME as the wording and the states as phrases."""
-    project = Project.create(folder, name, StateNames(positive, negative))
-    project.grid = QuestionGrid((Wording(name),), phrases_for(positive, negative))
+    first_grid = QuestionGrid((Wording(name),), phrases_for(positive, negative))
+    project = Project.create(folder, name, StateNames(positive, negative), grid=first_grid)
+    project.seed = seed
     project.save()
     tell(as_json, _summary(project), f"made {folder}: {_sentence(project)}")
 
@@ -50,7 +55,7 @@ def add(
     """
     project = Project.open(folder)
     label = None if state is None else _label(project, state)
-    done = [add_folder(project, path, label) for path in paths]
+    done = [_add(project, path, label) for path in paths]
     whole = ImportReport(
         tuple(i for one in done for i in one.added),
         tuple(i for one in done for i in one.already_there),
@@ -63,6 +68,10 @@ def add(
     tell(as_json, record, f"{whole.sentence()}. {_sentence(project)}")
     for one in whole.refused:
         say(f"refused: {one.name}: {one.reason}")
+    for sentence in look_alike_sentences(project):
+        say(sentence)
+    if not whole.added and not whole.already_there:
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -81,9 +90,11 @@ def label(
     """Label images, put them on a side, or list them. Look-alikes always go to one side."""
     project = Project.open(folder)
     chosen = _matching(project, images or [])
-    if chosen and state is not None:
+    if not chosen and (state is not None or split is not None):
+        raise typer.BadParameter("--state and --split need the names or ids of images")
+    if state is not None:
         project.set_labels(chosen, None if state == "none" else _label(project, state))
-    if chosen and split is not None:
+    if split is not None:
         project.set_splits(chosen, split)
     project.assign_splits(train_share=divide or 0.5, afresh=divide is not None)
     project.save()
@@ -91,10 +102,7 @@ def label(
     lines = [
         f"{i['id']:.12}  {i['state'] or '–':10} {i['split'] or '–':6} {i['name']}" for i in shown
     ]
-    astride = project.look_alikes_astride()
-    for group in project.look_alikes():
-        where = "on both sides, so the test flatters" if group in astride else "kept on one side"
-        lines.append(f"look alike, {where}: " + ", ".join(i[:12] for i in group))
+    lines += look_alike_sentences(project)
     tell(as_json, shown, "\n".join(lines))
 
 
@@ -126,21 +134,22 @@ def grid(
     """Show the questions, or change their axes: form × wording × phrase × article."""
     project = Project.open(folder)
     old = project.grid
-    phrases = old.phrases
-    if phrase:
-        antonyms = antonym or [f"not {one}" for one in phrase]
-        phrases = (*(StatePhrase(p, 1) for p in phrase), *(StatePhrase(a, -1) for a in antonyms))
-    own = [(text, 1) for text in yes_positive or []] + [(text, -1) for text in yes_negative or []]
+    own = [Question(text, 1) for text in yes_positive or []]
+    own += [Question(text, -1) for text in yes_negative or []]
     project.grid = QuestionGrid(
         wordings=tuple(map(Wording.parse, wording)) if wording else old.wordings,
-        phrases=phrases,
+        phrases=_phrases(old, phrase, antonym),
         forms=tuple(form) if form else old.forms,
         articles=tuple(article) if article else old.articles,
-        custom=(*old.custom, *(Question(text, meaning) for text, meaning in own)),
+        custom=(*old.custom, *(one for one in own if one not in old.custom)),
         switched_off=tuple((set(old.switched_off) | set(off or [])) - set(on or [])),
     )
-    project.save()
     built = project.grid.build()
+    known = {q.text for q in (*built.questions, *built.switched_off)}
+    strange = [text for text in (*(off or []), *(on or [])) if text not in known]
+    if strange:
+        raise typer.BadParameter(f"there is no question {strange[0]!r}; copy it from the grid")
+    project.save()
     record = {
         "questions": [{"text": q.text, "yes_means": q.yes_means} for q in built.questions],
         "switched_off": [q.text for q in built.switched_off],
@@ -151,6 +160,28 @@ def grid(
     lines += [f"dropped, stands there already: {q.text}" for q in built.duplicates]
     lines.append(f"{len(built.questions)} questions")
     tell(as_json, record, "\n".join(lines))
+
+
+def _phrases(
+    old: QuestionGrid, phrases: list[str] | None, antonyms: list[str] | None
+) -> tuple[StatePhrase, ...]:
+    """The old phrases, with those of a state replaced that were given."""
+    positive = [StatePhrase(text, 1) for text in phrases or []]
+    if phrases and not antonyms:
+        antonyms = [f"not {text}" for text in phrases]
+    negative = [StatePhrase(text, -1) for text in antonyms or []]
+    return (
+        *(positive or (one for one in old.phrases if one.yes_means > 0)),
+        *(negative or (one for one in old.phrases if one.yes_means < 0)),
+    )
+
+
+def _add(project: Project, path: Path, label: int | None) -> ImportReport:
+    """What `add_folder` says; a path that leads nowhere is refused like a file."""
+    try:
+        return add_folder(project, path, label)
+    except ImageError as error:
+        return ImportReport((), (), (Refused(str(path), str(error)),))
 
 
 def _label(project: Project, state: str) -> int:

@@ -1,5 +1,6 @@
 """What several commands share: the app itself, common options, and showing results."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -53,23 +54,56 @@ def found_results(project: Project) -> Results:
     return found
 
 
-def show(project: Project, found: Results, as_json: bool) -> None:
-    """The table of all subsets; this is a look at the test images, so it is counted."""
-    project.test_looks += 1  # the test images were looked at once more
-    project.save()
-    path = recognizer_path(project, project.chosen)
-    sentences = report.comparison_sentences(found.evaluation)
+def show(folder: Path, as_json: bool) -> None:
+    """The table of all subsets. This is a look at the test images, counted once it was shown.
+
+    The project is read anew: it may have changed while the work before this took its time.
+    """
+    project = Project.open(folder)
+    found = found_results(project)
     if as_json:
-        rows = report.score_frame(found.evaluation).to_dict("records")
-        print_json({"subsets": rows, "says": sentences, "recognizer": str(path)})
-        return
-    print_table(report.comparison_frame(found.evaluation), project.name)
-    for sentence in sentences:
-        print(sentence)
+        print_json(_record(project, found))
+    else:
+        _print(project, found)
+    project = Project.open(folder)
+    project.test_looks += 1
+    project.save()
+
+
+def _record(project: Project, found: Results) -> dict[str, object]:
     evaluation = found.evaluation
+    return {
+        "subsets": report.score_frame(evaluation).to_dict("records"),
+        "says": report.comparison_sentences(evaluation),
+        "terms": report.term_sentences(found),
+        "missed": {
+            row.name.value: [asdict(one) for one in report.missed_pictures(project, row)]
+            for row in evaluation.rows
+        },
+        "finished": all(saved.finished for saved in found.searches.values()),
+        "n_left_out_train": evaluation.n_left_out_train,
+        "n_left_out_test": evaluation.n_left_out_test,
+        "look_alikes": report.look_alike_sentences(project),
+        "test_looks": project.test_looks + 1,
+        "recognizer": str(recognizer_path(project, project.chosen)),
+    }
+
+
+def _print(project: Project, found: Results) -> None:
+    evaluation = found.evaluation
+    print_table(report.comparison_frame(evaluation), project.name)
+    for sentence in report.comparison_sentences(evaluation) + report.term_sentences(found):
+        print(sentence)
+    row = next(row for row in evaluation.rows if row.name.value == project.chosen.value)
+    missed = report.missed_pictures(project, row)
+    print(f"{project.chosen.value} does not recognize {len(missed)} images.")
+    for one in missed:
+        print(f"  {one.sentence()}")
+    for sentence in report.look_alike_sentences(project):
+        print(sentence)
     left_out = evaluation.n_left_out_train + evaluation.n_left_out_test
     if left_out:
         print(f"{left_out} images are left out because answers are missing; ask again for them.")
-    looks = "once" if project.test_looks == 1 else f"{project.test_looks} times"
+    looks = "once" if not project.test_looks else f"{project.test_looks + 1} times"
     print(f"The test results were looked at {looks}.")
-    print(f"Recognizer ({project.chosen.value}): {path}")
+    print(f"Recognizer ({project.chosen.value}): {recognizer_path(project, project.chosen)}")

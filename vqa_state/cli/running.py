@@ -8,7 +8,7 @@ import typer
 from vqa_state import models
 from vqa_state.asking import AskProgress, ask, plan
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
-from vqa_state.cli.options import Folder, Json, Seed, app, found_results, show, tell
+from vqa_state.cli.options import Folder, Json, Seed, app, show, tell
 from vqa_state.cli.terminal import (
     asked_sentence,
     interruptible,
@@ -59,7 +59,7 @@ def ask_command(
         return
     progress = _ask(project)
     tell(as_json, _asked(progress), asked_sentence(progress))
-    _exit_if_incomplete(progress)
+    _exit_unless(not progress.stopped and not progress.n_failed)
 
 
 @app.command("optimize")
@@ -90,8 +90,9 @@ def optimize_command(
     project.weights = _weights(project, alpha, beta)
     project.search_seed = project.search_seed if seed is None else seed
     project.save()
-    _optimize(project)
-    show(project, found_results(project), as_json)
+    finished = _optimize(project)
+    show(folder, as_json)
+    _exit_unless(finished)
 
 
 @app.command()
@@ -110,9 +111,9 @@ def tune(
     say(asked_sentence(progress))
     if progress.stopped:
         raise typer.Exit(3)
-    _optimize(project)
-    show(project, found_results(project), as_json)
-    _exit_if_incomplete(progress)
+    finished = _optimize(Project.open(folder))
+    show(folder, as_json)
+    _exit_unless(finished and not progress.n_failed)
 
 
 def _ask(project: Project) -> AskProgress:
@@ -123,11 +124,13 @@ def _ask(project: Project) -> AskProgress:
         return show_asking(ask(project, vqa_model, stop))
 
 
-def _optimize(project: Project) -> None:
+def _optimize(project: Project) -> bool:
+    """Whether every search came to its end."""
     with interruptible() as stop:
         last = show_search(optimize(project, stop))
     if last.generation < last.total:
         say(f"stopped by you at generation {last.generation} of {last.total}; the best is kept")
+    return last.generation == last.total
 
 
 def _settings(project: Project, given: dict[str, float | None]) -> SearchSettings:
@@ -159,6 +162,6 @@ def _asked(progress: AskProgress) -> dict[str, object]:
     }
 
 
-def _exit_if_incomplete(progress: AskProgress) -> None:
-    if progress.stopped or progress.n_failed:
+def _exit_unless(complete: bool) -> None:
+    if not complete:
         raise typer.Exit(3)

@@ -15,6 +15,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -28,6 +29,7 @@ from vqa_state.verdict import Verdict
 __all__ = [
     "asked_sentence",
     "interruptible",
+    "plan_record",
     "print_json",
     "print_table",
     "say",
@@ -78,11 +80,13 @@ def interruptible() -> Iterator[Callable[[], bool]]:
 
 def show_asking(reports: Iterator[AskProgress]) -> AskProgress:
     """Draw the reports and give back the last one."""
-    with _bar("asking") as bar:
+    with _bar("asking", TimeElapsedColumn()) as bar:
         task = bar.add_task("asking", note="")
         for last in reports:
             note = f"{last.n_stored:,} from the store" if last.n_stored else ""
             note += f" · {last.n_failed:,} failed" if last.n_failed else ""
+            if last.seconds_left is not None:  # by calls paid for, not by those from the store
+                note += f" · about {last.seconds_left:.0f} s left"
             done = last.n_calls - last.n_left
             bar.update(task, total=last.n_calls, completed=done, note=note)
     return last
@@ -90,7 +94,7 @@ def show_asking(reports: Iterator[AskProgress]) -> AskProgress:
 
 def show_search(reports: Iterator[OptimizeProgress]) -> OptimizeProgress:
     """Draw the reports and give back the last one."""
-    with _bar("searching") as bar:
+    with _bar("searching", TimeElapsedColumn(), TimeRemainingColumn()) as bar:
         task = bar.add_task("searching", note="")
         for last in reports:
             terms = [
@@ -125,14 +129,12 @@ def verdict_record(verdict: Verdict) -> dict[str, Any]:
     return record
 
 
-def _bar(what: str) -> Progress:
+def _bar(what: str, *times: ProgressColumn) -> Progress:
     return Progress(
         TextColumn(what),
         BarColumn(),
         MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
+        *times,
         TextColumn("{task.fields[note]}"),
         console=Console(stderr=True),
         disable=not sys.stderr.isatty(),

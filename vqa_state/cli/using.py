@@ -7,12 +7,14 @@ import typer
 
 from vqa_state import models, report
 from vqa_state.cli.options import Folder, Json, app, found_results, show, tell
-from vqa_state.cli.terminal import print_json, print_table, verdict_record
+from vqa_state.cli.terminal import print_json, print_table, say, verdict_record
+from vqa_state.errors import ImageError
+from vqa_state.files import write_atomically
 from vqa_state.project import Project
 from vqa_state.recognizer import Recognizer
 from vqa_state.scores import Objective
 from vqa_state.tuning import recognizer_path
-from vqa_state.verdict import State
+from vqa_state.verdict import State, Verdict
 
 
 @app.command("report")
@@ -28,14 +30,14 @@ def report_command(
     found = found_results(project)
     questions = report.question_frame(found.train)
     if csv is not None:
-        csv.mkdir(parents=True, exist_ok=True)
-        questions.to_csv(csv / "questions.csv", index=False)
-        report.score_frame(found.evaluation).to_csv(csv / "scores.csv", index=False)
+        scores = report.score_frame(found.evaluation)
+        for name, frame in (("questions", questions), ("scores", scores)):
+            write_atomically(csv / f"{name}.csv", frame.to_csv(index=False).encode())
     if not as_json:
         shown = questions.sort_values(["accuracy", "question"], ascending=[False, True])
         shown = shown[["question", "accuracy", "invalid"]].round(3)
         print_table(shown, "Questions, on the training images")
-    show(project, found, as_json)
+    show(folder, as_json)
 
 
 @app.command()
@@ -50,11 +52,10 @@ def export(
     """Write one recognizer file. The project's choice is s+ until you pick another."""
     project = Project.open(folder)
     found_results(project)
-    if objective is not None:
-        project.chosen = objective
-        project.save()
+    project.chosen = objective or project.chosen
     recognizer = Recognizer.load(recognizer_path(project, project.chosen))
     recognizer.save(out)
+    project.save()
     words = f"{out}: {project.chosen.value}, {len(recognizer.questions)} questions"
     tell(as_json, {"path": str(out), "objective": project.chosen.value}, words)
 
@@ -65,23 +66,36 @@ def recognize(
     images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="Pictures.")],
     as_json: Json = False,
 ) -> None:
-    """Say the state of each image, with the votes. Exit code 3 if one is unknown."""
+    """Say the state of each image, with the votes.
+
+    An image that cannot be read is named, and the others go on. Exit code 1 if there was one, 3 if
+    a verdict is unknown.
+    """
     recognizer = Recognizer.load(file)
     model = models.create(recognizer.model.name)
-    unknown = False
-    records = []
+    records, states = [], set()
     for image in images:
-        verdict = recognizer.recognize(image, model)
-        unknown |= verdict.state is State.UNKNOWN
+        try:
+            verdict = recognizer.recognize(image, model)
+        except ImageError as error:
+            records.append({"image": str(image), "error": str(error)})
+            say(f"error: {image}: {error}")
+            continue
+        states.add(verdict.state)
         records.append({"image": str(image)} | verdict_record(verdict))
-        words = (
-            f"{image}: {verdict.state_name} ({verdict.reason}; {verdict.n_positive} for "
-            f"{recognizer.states.positive}, {verdict.n_negative} for {recognizer.states.negative}, "
-            f"{verdict.n_invalid} invalid; {verdict.n_calls} calls, {verdict.milliseconds:.0f} ms)"
-        )
         if not as_json:
-            print(words)
+            print(_sentence(str(image), recognizer, verdict))
     if as_json:
         print_json(records)
-    if unknown:
+    if any("error" in record for record in records):
+        raise typer.Exit(1)
+    if State.UNKNOWN in states:
         raise typer.Exit(3)
+
+
+def _sentence(image: str, recognizer: Recognizer, verdict: Verdict) -> str:
+    return (
+        f"{image}: {verdict.state_name} ({verdict.reason}; {verdict.n_positive} for "
+        f"{recognizer.states.positive}, {verdict.n_negative} for {recognizer.states.negative}, "
+        f"{verdict.n_invalid} invalid; {verdict.n_calls} calls, {verdict.milliseconds:.0f} ms)"
+    )

@@ -17,8 +17,7 @@ _VERSION = 1
 class EmbeddedModel:
     """Answers yes/no questions about household things; see docs/embedded_model.md for how well.
 
-    Instances may be shared by threads. Loading takes about a second, an image about 20 ms, and
-    64 questions about it little more than one.
+    Instances may be shared by threads. An image is encoded once for all its questions.
     """
 
     name = "embedded"
