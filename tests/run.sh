@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 # A browser for the page, and software OpenGL for the scenes.
 missing=()
 command -v chromium >/dev/null || missing+=(chromium)
-ldconfig -p | grep -q libOSMesa || missing+=(libosmesa6)
+/sbin/ldconfig -p | grep libOSMesa >/dev/null || missing+=(libosmesa6)
 if [ ${#missing[@]} -gt 0 ]; then
   if ! command -v apt-get >/dev/null; then
     echo "The tests need ${missing[*]} (Debian's names); install them with your system's tools." >&2

@@ -18,6 +18,7 @@ ORDER = [
     "scores",
     "search",
     "splits",
+    "project_file",
     "project",
     "importing",
     "models.base",

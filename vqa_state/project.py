@@ -5,18 +5,24 @@ recognizers/ and thumbnails/. No path is made of a user's text.
 """
 
 import hashlib
-import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Final
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from vqa_state.augment import Augmentation
-from vqa_state.errors import ImageError, ProjectError, QuestionError
+from vqa_state.errors import ImageError, ProjectError
 from vqa_state.files import write_atomically
 from vqa_state.images import content_hash, perceptual_hash, pixel_hash, read_picture, thumbnail
+from vqa_state.project_file import (
+    SCHEMA_VERSION,
+    LabelledImage,
+    ProjectFile,
+    StateNames,
+    parse_project,
+)
 from vqa_state.questions import Question, QuestionGrid, clean_text
 from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.genetic import SearchSettings
@@ -25,58 +31,7 @@ from vqa_state.splits import Split, astride, divide, look_alikes
 __all__ = ["MAX_IMAGES", "Added", "LabelledImage", "Project", "StateNames"]
 
 MAX_IMAGES: Final = 5000
-SCHEMA_VERSION: Final = 1
 _FILE = "project.json"
-
-_Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-
-
-@dataclass(frozen=True, slots=True)
-class StateNames:
-    """What the user calls the two states, for example open and closed."""
-
-    positive: str
-    negative: str
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "positive", clean_text(self.positive, "the first state's name"))
-        object.__setattr__(self, "negative", clean_text(self.negative, "the second state's name"))
-        if _folded(self.positive) == _folded(self.negative):
-            raise ProjectError(
-                f"both states are called {self.positive!r}; give them two different names"
-            )
-
-    def of(self, label: int) -> str:
-        """The name of the state with label +1 or -1."""
-        return self.positive if label > 0 else self.negative
-
-    def label(self, name: str) -> int | None:
-        """+1 or -1 for a state's name in any case, None for another word."""
-        known = {_folded(self.positive): 1, _folded(self.negative): -1}
-        return known.get(_folded(" ".join(name.split())))
-
-
-@dataclass(frozen=True, slots=True)
-class LabelledImage:
-    """One image of a project.
-
-    Attributes:
-        id: SHA-256 of the bytes as given.
-        pixel_hash: SHA-256 of its RGB pixels; the copies come from it.
-        looks: perceptual hash, 16 hex digits.
-        suffix: kind of file, as its header says.
-        name: the name that it came with; shown, never used as a path.
-        label: +1, -1 or None.
-        split: train, test or unused; None until it has a label.
-    """
-
-    id: _Hash
-    pixel_hash: _Hash
-    looks: Annotated[str, Field(pattern="^[0-9a-f]{16}$")]
-    suffix: Literal["jpg", "png", "webp", "bmp", "heic"]
-    name: Annotated[str, Field(max_length=200)]
-    label: Literal[-1, 1] | None = None
-    split: Split | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,9 +101,9 @@ class Project:
                 f"{folder} holds no project ({_FILE}: {error.strerror}); make one with "
                 "`python -m vqa_state new` or in the app"
             ) from error
-        content = _parse(data, path)
+        content = parse_project(data, path)
         images = {image.id: image for image in content.images}
-        fields = {k: getattr(content, k) for k in _File.model_fields if k != "schema_version"}
+        fields = {k: getattr(content, k) for k in ProjectFile.model_fields if k != "schema_version"}
         return cls(folder, **(fields | {"images": images}), _seen=_digest(data))
 
     def save(self) -> None:
@@ -163,9 +118,9 @@ class Project:
                 f"{path} was changed by another program since it was opened; open the project "
                 "again and repeat the last step"
             )
-        fields = {k: getattr(self, k) for k in _File.model_fields if k != "schema_version"}
+        fields = {k: getattr(self, k) for k in ProjectFile.model_fields if k != "schema_version"}
         try:
-            content = _File(
+            content = ProjectFile(
                 **(
                     fields
                     | {"schema_version": SCHEMA_VERSION, "images": tuple(self.images.values())}
@@ -353,50 +308,6 @@ class Project:
             return self.images[image_id]
         except KeyError:
             raise ProjectError(f"the project has no image {image_id[:80]!r}") from None
-
-
-class _File(BaseModel):
-    """Content of project.json."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    schema_version: Literal[1]
-    name: str
-    states: StateNames
-    images: tuple[LabelledImage, ...]
-    grid: QuestionGrid
-    model: str
-    fingerprint: str | None
-    seed: Annotated[int, Field(ge=0, lt=2**32)]
-    augmentation: Augmentation
-    search_seed: Annotated[int, Field(ge=0, lt=2**32)]
-    search: SearchSettings
-    weights: ObjectiveWeights
-    chosen: Objective
-    test_looks: Annotated[int, Field(ge=0)]
-
-
-def _parse(data: bytes, path: Path) -> _File:
-    try:
-        return _File.model_validate_json(data)
-    except (QuestionError, ProjectError) as error:
-        raise ProjectError(f"{path} cannot be used: {error}") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        if where == "schema_version" and first["type"] != "missing":
-            raise ProjectError(
-                f"{path} has schema version {first.get('input')!r}; this program reads up to "
-                f"{SCHEMA_VERSION}: update the program"
-            ) from error
-        raise ProjectError(
-            f"{path} is damaged at {where or 'its start'}: {first['msg']}; restore it from a backup"
-        ) from error
-
-
-def _folded(name: str) -> str:
-    """For comparing: without case, and with accents as one character (macOS writes two)."""
-    return unicodedata.normalize("NFC", name).casefold()
 
 
 def _digest(data: bytes) -> str:

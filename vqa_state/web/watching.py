@@ -11,7 +11,7 @@ from typing import Any
 from vqa_state.jobs import Job, Snapshot
 from vqa_state.web.desk import Desk
 
-__all__ = ["LOOK_AGAIN_SECONDS", "follow", "glance"]
+__all__ = ["LOOK_AGAIN_SECONDS", "follow", "glance", "stop"]
 
 LOOK_AGAIN_SECONDS = 2.0
 PAUSE_SECONDS = 0.12
@@ -44,6 +44,13 @@ def glance(desk: Desk, pid: str, kind: str, view: View, seen: Any) -> tuple[Any,
     snapshot = job.snapshot
     now = _seen(job, snapshot)
     return None if now == seen else (*view(desk, pid, snapshot), now)
+
+
+def stop(desk: Desk, pid: str, kind: str) -> None:
+    """Ask the job of this kind to stop, if there is one."""
+    job = desk.jobs.get(pid, kind)
+    if job is not None:
+        job.stop()
 
 
 def _seen(job: Job, snapshot: Snapshot) -> str:

@@ -139,9 +139,7 @@ def asking(desk: Desk, pid: str, name: str) -> Work:
 
 def stop(desk: Desk, pid: str) -> None:
     """Ask the running job to stop."""
-    job = desk.jobs.get(pid, KIND)
-    if job is not None:
-        job.stop()
+    watching.stop(desk, pid, KIND)
 
 
 def follow(desk: Desk, pid: str) -> Iterator[Any]:

@@ -164,9 +164,7 @@ def searching(desk: Desk, pid: str) -> Work:
 
 def stop(desk: Desk, pid: str) -> None:
     """Ask the running search to stop; it keeps the best so far."""
-    job = desk.jobs.get(pid, KIND)
-    if job is not None:
-        job.stop()
+    watching.stop(desk, pid, KIND)
 
 
 def follow(desk: Desk, pid: str) -> Iterator[Any]:

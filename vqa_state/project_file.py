@@ -1,0 +1,117 @@
+"""The content of project.json: what a project is made of, and the check of a file that holds it."""
+
+import unicodedata
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from vqa_state.augment import Augmentation
+from vqa_state.errors import ProjectError, QuestionError
+from vqa_state.questions import QuestionGrid, clean_text
+from vqa_state.scores import Objective, ObjectiveWeights
+from vqa_state.search.genetic import SearchSettings
+from vqa_state.splits import Split
+
+__all__ = ["SCHEMA_VERSION", "LabelledImage", "ProjectFile", "StateNames", "parse_project"]
+
+SCHEMA_VERSION: Final = 1
+_Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+@dataclass(frozen=True, slots=True)
+class StateNames:
+    """What the user calls the two states, for example open and closed."""
+
+    positive: str
+    negative: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "positive", clean_text(self.positive, "the first state's name"))
+        object.__setattr__(self, "negative", clean_text(self.negative, "the second state's name"))
+        if _folded(self.positive) == _folded(self.negative):
+            raise ProjectError(
+                f"both states are called {self.positive!r}; give them two different names"
+            )
+
+    def of(self, label: int) -> str:
+        """The name of the state with label +1 or -1."""
+        return self.positive if label > 0 else self.negative
+
+    def label(self, name: str) -> int | None:
+        """+1 or -1 for a state's name in any case, None for another word."""
+        known = {_folded(self.positive): 1, _folded(self.negative): -1}
+        return known.get(_folded(" ".join(name.split())))
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledImage:
+    """One image of a project.
+
+    Attributes:
+        id: SHA-256 of the bytes as given.
+        pixel_hash: SHA-256 of its RGB pixels; the copies come from it.
+        looks: perceptual hash, 16 hex digits.
+        suffix: kind of file, as its header says.
+        name: the name that it came with; shown, never used as a path.
+        label: +1, -1 or None.
+        split: train, test or unused; None until it has a label.
+    """
+
+    id: _Hash
+    pixel_hash: _Hash
+    looks: Annotated[str, Field(pattern="^[0-9a-f]{16}$")]
+    suffix: Literal["jpg", "png", "webp", "bmp", "heic"]
+    name: Annotated[str, Field(max_length=200)]
+    label: Literal[-1, 1] | None = None
+    split: Split | None = None
+
+
+class ProjectFile(BaseModel):
+    """Content of project.json."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    schema_version: Literal[1]
+    name: str
+    states: StateNames
+    images: tuple[LabelledImage, ...]
+    grid: QuestionGrid
+    model: str
+    fingerprint: str | None
+    seed: Annotated[int, Field(ge=0, lt=2**32)]
+    augmentation: Augmentation
+    search_seed: Annotated[int, Field(ge=0, lt=2**32)]
+    search: SearchSettings
+    weights: ObjectiveWeights
+    chosen: Objective
+    test_looks: Annotated[int, Field(ge=0)]
+
+
+def parse_project(data: bytes, path: Path) -> ProjectFile:
+    """Check the content of project.json; `path` names it in errors.
+
+    Raises:
+        ProjectError: if it is damaged, newer than this program or cannot be used.
+    """
+    try:
+        return ProjectFile.model_validate_json(data)
+    except (QuestionError, ProjectError) as error:
+        raise ProjectError(f"{path} cannot be used: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        if where == "schema_version" and first["type"] != "missing":
+            raise ProjectError(
+                f"{path} has schema version {first.get('input')!r}; this program reads up to "
+                f"{SCHEMA_VERSION}: update the program"
+            ) from error
+        raise ProjectError(
+            f"{path} is damaged at {where or 'its start'}: {first['msg']}; restore it from a backup"
+        ) from error
+
+
+def _folded(name: str) -> str:
+    """For comparing: without case, and with accents as one character (macOS writes two)."""
+    return unicodedata.normalize("NFC", name).casefold()
