@@ -17,7 +17,7 @@ from vqa_state.errors import NothingToSearchError
 from vqa_state.scores import Counts, Objective, ObjectiveWeights
 from vqa_state.search import genetic
 from vqa_state.search.fitness import Fitness
-from vqa_state.search.genetic import SearchSettings, search
+from vqa_state.search.genetic import SearchSettings, first_population, search
 
 QUICK = SearchSettings(population=60, generations=12)
 
@@ -63,6 +63,9 @@ class Recorder:
     def random(self, size):
         return self._keep(self.rng.random(size))
 
+    def permutation(self, size):
+        return self._keep(self.rng.permutation(size))
+
 
 def table(n_images=10, n_questions=16, seed=0) -> Counts:
     """Answers hard enough that runs end in different places."""
@@ -71,6 +74,13 @@ def table(n_images=10, n_questions=16, seed=0) -> Counts:
     invalid = rng.binomial(6 - correct, 0.15)
     labels = np.where(np.arange(n_images) % 2, 1, -1).astype(np.int8)
     return Counts(correct, 6 - correct - invalid, invalid, labels)
+
+
+def put_singles(population, questions):
+    """Let the first individuals hold one question each."""
+    for row, question in enumerate(questions):
+        for place in range(len(population[row])):
+            population[row][place] = int(place == question)
 
 
 def last(reports):
@@ -178,7 +188,8 @@ def test_a_run_is_easimple_given_the_same_draws(monkeypatch, objective, populati
     sizes = SearchSettings(population=population, generations=n_generations)
     ours = list(genetic._evolve(Fitness(counts, objective), sizes, rng))
 
-    first, *rest = rng.drawn
+    first, order, *rest = rng.drawn
+    put_singles(first, order[: population // 8])
     steps = [rest[i : i + 6] for i in range(0, len(rest), 6)]
     aspirants, mating, cuts1, cuts2, mutating, flips = zip(*steps, strict=True)
     deap_population = [Individual(genes) for genes in first.tolist()]
@@ -225,6 +236,7 @@ def test_runs_have_the_distribution_of_easimple():
     def textbook(seed):
         random.seed(seed)
         genes = [[random.randint(0, 1) for _ in range(16)] for _ in range(QUICK.population)]
+        put_singles(genes, random.sample(range(16), QUICK.population // 8))
         population, hall = [Individual(g) for g in genes], tools.HallOfFame(1)
         _, log = algorithms.eaSimple(
             population, toolbox, 0.5, 0.2, QUICK.generations, statistics, hall, verbose=False
@@ -436,3 +448,26 @@ def test_a_population_too_large_for_memory_is_refused():
 def test_a_negative_seed_is_refused():
     with pytest.raises(ValueError, match="seed must be 0 or more, got -1"):
         search(table(), Objective.S_PLUS, seed=-1)
+
+
+class TestFirstPopulation:
+    @given(st.integers(1, 60), st.integers(1, 40), st.integers(0, 2**32))
+    def test_an_eighth_of_it_may_be_single_questions(self, n_individuals, n_questions, seed):
+        population = first_population(n_individuals, n_questions, np.random.default_rng(seed))
+        assert population.shape == (n_individuals, n_questions)
+        assert set(np.unique(population)) <= {0, 1}
+        n_single = min(n_questions, n_individuals // 8)
+        single = population[:n_single]
+        assert (single.sum(axis=1) == 1).all()
+        assert (single.sum(axis=0) <= 1).all()
+
+    def test_one_good_question_among_many_bad_ones_is_found(self):
+        """All others call everything positive, so no larger subset recognizes more than half."""
+        n_images, n_questions = 20, 80
+        labels = np.where(np.arange(n_images) % 2 == 0, 1, -1).astype(np.int8)
+        correct = np.where(labels[:, None] == 1, 6, 0) * np.ones((1, n_questions), np.int64)
+        correct[:, 37] = 6
+        counts = Counts(correct, 6 - correct, np.zeros_like(correct), labels)
+        *_, last = search(counts, Objective.S_PLUS, seed=0)
+        assert last.subset == (37,)
+        assert last.terms.n_recognized == n_images

@@ -21,12 +21,16 @@ __all__ = [
     "PAPER_SETTINGS",
     "SearchReport",
     "SearchSettings",
+    "first_population",
     "fittest",
     "flip_mutation",
     "search",
     "tournament",
     "two_point_crossover",
 ]
+
+#: At most one individual in this many starts as a single question.
+_SINGLE_SHARE = 8
 
 MAX_POPULATION = 100_000
 MAX_GENERATIONS = 100_000
@@ -152,8 +156,7 @@ def _evolve(
     fitness: Fitness, settings: SearchSettings, rng: np.random.Generator
 ) -> Iterator[SearchReport]:
     """DEAP's `eaSimple`: select, mate, mutate, evaluate what changed."""
-    shape = (settings.population, fitness.n_questions)
-    population = rng.integers(0, 2, size=shape, dtype=np.uint8)
+    population = first_population(settings.population, fitness.n_questions, rng)
     values = fitness(population)
     n_evaluations = settings.population
     best = population[fittest(population, values)]
@@ -177,6 +180,25 @@ def _evolve(
             subset=subset,
             n_evaluations=n_evaluations,
         )
+
+
+def first_population(
+    n_individuals: int, n_questions: int, rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    """Single questions first, in up to an eighth of it; all others have bits of chance 1/2.
+
+    Random individuals hold about half of the questions. Where few questions are good, every such
+    vote is lost, the search sees no difference between them, and never finds the good ones
+    (docs/decisions/0007-single-questions-first.md).
+
+    Returns:
+        Zeros and ones, (n_individuals, n_questions).
+    """
+    population = rng.integers(0, 2, size=(n_individuals, n_questions), dtype=np.uint8)
+    single = rng.permutation(n_questions)[: n_individuals // _SINGLE_SHARE]
+    population[: single.size] = 0
+    population[np.arange(single.size), single] = 1
+    return population
 
 
 def tournament(
