@@ -395,3 +395,25 @@ def test_before_optimizing_there_is_no_link(desk: Desk, pid: str) -> None:
     assert "optimize" in about["text"]
     assert "link" not in link
     assert place == {}
+
+
+# ---- ready cues ----------------------------------------------------------------------------
+
+
+def test_ready_cues_become_questions_of_ones_own(desk: Desk, pid: str) -> None:
+    before = len(desk.snapshot(pid).questions())
+    positive, negative, said, _ = questions.add_cues(desk, pid)
+    with desk.reading(pid) as project:
+        added = [question.text for question in project.grid.custom]
+    assert len(desk.snapshot(pid).questions()) == before + len(added)
+    assert f"{len(added)} questions added" in str(updated(said))
+    assert sorted([*positive.splitlines(), *negative.splitlines()]) == sorted(added)
+    questions.add_cues(desk, pid)
+    assert len(desk.snapshot(pid).questions()) == before + len(added)
+
+
+def test_a_state_without_cues_is_told_so(desk: Desk) -> None:
+    pid = header.create(desk, "shirt", "clean", "dirty")
+    *_, said, _ = questions.add_cues(desk, pid)
+    assert "No cue added" in str(updated(said))
+    assert len(desk.snapshot(pid).questions()) == 16

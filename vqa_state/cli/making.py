@@ -7,6 +7,7 @@ import typer
 
 from vqa_state.cli.options import Folder, Json, app, tell
 from vqa_state.cli.terminal import say
+from vqa_state.cues import with_cues
 from vqa_state.errors import ImageError, ProjectError
 from vqa_state.importing import ImportReport, Refused, add_folder
 from vqa_state.project import LabelledImage, Project, StateNames
@@ -127,6 +128,10 @@ def grid(
     yes_negative: Annotated[
         list[str] | None, typer.Option(help="A question of your own; yes = negative state.")
     ] = None,
+    cues: Annotated[
+        bool,
+        typer.Option("--cues", help="Add ready questions about what one can see."),
+    ] = False,
     off: Annotated[list[str] | None, typer.Option(help="Switch this question off.")] = None,
     on: Annotated[list[str] | None, typer.Option(help="Switch this question on again.")] = None,
     as_json: Json = False,
@@ -144,6 +149,8 @@ def grid(
         custom=(*old.custom, *(one for one in own if one not in old.custom)),
         switched_off=tuple((set(old.switched_off) | set(off or [])) - set(on or [])),
     )
+    if cues:
+        project.grid = with_cues(project.grid, project.states.positive)
     built = project.grid.build()
     known = {q.text for q in (*built.questions, *built.switched_off)}
     strange = [text for text in (*(off or []), *(on or [])) if text not in known]

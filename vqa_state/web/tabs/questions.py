@@ -7,6 +7,7 @@ from typing import Any
 
 import gradio as gr
 
+from vqa_state.cues import with_cues
 from vqa_state.errors import QuestionError
 from vqa_state.questions import Article, Form, Question, QuestionGrid, StatePhrase, Wording
 from vqa_state.web import checks, widgets
@@ -31,6 +32,7 @@ class Parts:
     articles: gr.CheckboxGroup
     own_positive: gr.Textbox
     own_negative: gr.Textbox
+    cues: gr.Button
     note: gr.HTML
     grid: gr.HTML
     filled: gr.Textbox
@@ -60,15 +62,17 @@ def build(tab: gr.Tab) -> Parts:
         articles = gr.CheckboxGroup(
             [a.value for a in Article], label="Articles", elem_id="articles"
         )
-    with gr.Accordion("Questions of your own", open=False), gr.Row(equal_height=True):
-        own_positive = gr.Textbox(lines=3, info="One a line", elem_id="own-positive")
-        own_negative = gr.Textbox(lines=3, info="One a line", elem_id="own-negative")
+    with gr.Accordion("Questions of your own", open=False):
+        with gr.Row(equal_height=True):
+            own_positive = gr.Textbox(lines=3, info="One a line", elem_id="own-positive")
+            own_negative = gr.Textbox(lines=3, info="One a line", elem_id="own-negative")
+        cues = gr.Button("Add ready cues: how far, a gap, the inside …", elem_id="add-cues")
     said = widgets.note("questions-note")
     grid = widgets.question_grid("questions")
     filled = gr.Textbox(visible=False)
     return Parts(
         tab, wordings, positive, negative, forms, articles, own_positive, own_negative,
-        said, grid, filled,
+        cues, said, grid, filled,
     )  # fmt: skip
 
 
@@ -82,6 +86,14 @@ def wire(parts: Parts, page: Page) -> None:
                 trigger, partial(edit, axis), [parts.filled, field], [parts.note, parts.grid],
                 trigger_mode="always_last",
             )  # fmt: skip
+    page.then_road(
+        page.on(
+            parts.cues.click,
+            add_cues,
+            [],
+            [parts.own_positive, parts.own_negative, parts.note, parts.grid],
+        )
+    )
     page.then_road(page.on_data(parts.grid.switched, switch, (), [parts.note]))
 
 
@@ -117,6 +129,19 @@ def edit(axis: str, desk: Desk, pid: str, filled: Any, value: Any) -> Any:
             return note(""), questions_value(project.grid.build())
     except QuestionError as error:
         return note(f"Not saved yet: {error}.", "warn"), gr.skip()
+
+
+def add_cues(desk: Desk, pid: str) -> Any:
+    """Own questions, note and grid, with ready cues for the project's states."""
+    try:
+        with desk.changing(pid) as project:
+            before = len(project.grid.custom)
+            project.grid = with_cues(project.grid, project.states.positive)
+            n_new, grid = len(project.grid.custom) - before, project.grid
+    except QuestionError as error:
+        return gr.skip(), gr.skip(), note(f"No cue added: {error}.", "warn"), gr.skip()
+    said = f"{n_new} questions added; take out a line that does not fit."
+    return _own(grid, 1), _own(grid, -1), note(said), questions_value(grid.build())
 
 
 def switch(desk: Desk, pid: str, data: Any) -> Any:
