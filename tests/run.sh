@@ -19,6 +19,9 @@ fi
 
 [ -x .venv/bin/python ] || python3 -m venv .venv
 .venv/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
+# Only the scene files of these are read, so what their code would need stays away.
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
+  -r requirements-simulators.txt
 
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .

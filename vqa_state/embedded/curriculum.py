@@ -1,12 +1,13 @@
 """The questions that the network is trained on, and their answers for every picture."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
-from vqa_state.embedded.lexicon import FACT_QUESTIONS, LEXICON, OPENABLE, Entry
+from vqa_state.embedded.evidence import EVIDENCE, Evidence
+from vqa_state.embedded.lexicon import LEXICON, OPENABLE, UNRELATED, Entry
 from vqa_state.embedded.scenes.stage import Facts
 
 __all__ = ["Drill", "make_drills"]
@@ -33,26 +34,36 @@ _OTHER_FORMS = (
 _GENERIC = ("thing", "object", "it", "item", "front", "device", "one", "part", "furniture")
 
 #: How often each kind of question is asked.
-_KINDS = ("state", "fact", "false_premise", "which_state", "what", "presence")
-_SHARES = (0.60, 0.14, 0.08, 0.07, 0.04, 0.07)
+_KINDS = (
+    "state",
+    "evidence",
+    "false_premise",
+    "which_state",
+    "what",
+    "presence",
+    "unrelated",
+)
+_SHARES = (0.42, 0.34, 0.08, 0.04, 0.04, 0.05, 0.03)
 
 
 @dataclass(frozen=True, slots=True)
 class Drill:
     """One training question about one thing.
 
-    With a `fact`, the first answer holds where the fact is true and the second where it is false;
-    without one, the label decides. A picture whose fact is unknown is not asked.
+    With `evidence`, the first answer holds where it is to be seen and the second where it is not;
+    without, the label decides. A picture of which nobody knows is not asked.
     """
 
     text: str
     when_true: str
     when_false: str
-    fact: str | None = None
+    evidence: Evidence | None = None
 
     def answer(self, is_positive: bool, facts: Facts) -> str | None:
         """The right answer for a picture, or None if nobody knows it."""
-        holds = is_positive if self.fact is None else facts.get(self.fact)
+        holds: bool | None = is_positive
+        if self.evidence is not None:
+            holds = self.evidence.holds(is_positive, facts)
         if holds is None:
             return None
         return self.when_true if holds else self.when_false
@@ -115,12 +126,21 @@ def _ask_state(thing: str, rng: np.random.Generator) -> Drill:
     return Drill(text, *(("yes", "no") if means_positive else ("no", "yes")))
 
 
-def _ask_fact(thing: str, rng: np.random.Generator) -> Drill:
+def _ask_evidence(thing: str, rng: np.random.Generator) -> Drill:
     """A yes/no question about what is to be seen, or how far something is open."""
-    facts = _FACTS[thing]
-    fact = _pick(rng, facts)
-    text = _pick(rng, FACT_QUESTIONS[fact]).format(_pick(rng, LEXICON[thing].nouns))
-    return Drill(text, "yes", "no", fact)
+    entry, evidence = LEXICON[thing], _pick(rng, EVIDENCE[thing])
+    if evidence.phrases and (not evidence.questions or rng.random() < 0.7):
+        subject, tail = _subject(entry, rng)
+        state = _pick(rng, evidence.phrases)
+        text = _sentence(_form(rng).format(subject=subject, state=state, tail=tail))
+    else:
+        text = _pick(rng, evidence.questions).format(_pick(rng, entry.nouns))
+    return Drill(text, "yes", "no", evidence)
+
+
+def _ask_unrelated(thing: str, rng: np.random.Generator) -> Drill:
+    """A question that no such picture answers."""
+    return Drill(_pick(rng, UNRELATED), "none", "none")
 
 
 def _ask_false_premise(thing: str, rng: np.random.Generator) -> Drill:
@@ -199,30 +219,16 @@ def _sentence(text: str) -> str:
 
 _MAKERS = {
     "state": _ask_state,
-    "fact": _ask_fact,
+    "evidence": _ask_evidence,
     "false_premise": _ask_false_premise,
     "which_state": _ask_which_state,
     "what": _ask_what,
     "presence": _ask_presence,
-}
-
-_LEAF_FACTS = ("inside_visible", "wide_open", "slightly_open", "leaf_at_angle", "flush")
-
-_FACTS: Mapping[str, tuple[str, ...]] = {
-    "door": (*_LEAF_FACTS, "way_free"),
-    "elevator": (*_LEAF_FACTS, "way_free"),
-    "transparent_door": ("wide_open", "slightly_open", "leaf_at_angle", "flush", "way_free"),
-    "cabinet": _LEAF_FACTS,
-    "refrigerator": _LEAF_FACTS,
-    "microwave": _LEAF_FACTS,
-    "light": ("lamp_glows", "room_bright", "daylight"),
-    "display": ("picture_shown", "screen_black"),
-    "handbag": ("inside_visible", "flap_up", "covered"),
-    "water": ("stream", "splash", "dry_outlet"),
+    "unrelated": _ask_unrelated,
 }
 
 _SPECIAL = {
-    "light": Drill("How bright is the room?", "bright", "dark", "room_bright"),
+    "light": Drill("How bright is the room?", "bright", "dark", Evidence("room_bright", 0.5, 1.0)),
     "display": Drill("What does the screen show?", "picture", "nothing"),
     "water": Drill("What comes out of the faucet?", "water", "nothing"),
 }

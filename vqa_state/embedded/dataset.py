@@ -6,10 +6,18 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
-from vqa_state.embedded.scenes import THINGS, SceneRenderer, Split
+from vqa_state.embedded.scenes import THINGS, Picture, SceneRenderer, Split
 from vqa_state.embedded.scenes.stage import Facts
 
-__all__ = ["Example", "SceneJob", "load_examples", "pending_jobs", "render_jobs"]
+__all__ = [
+    "Example",
+    "SceneJob",
+    "load_examples",
+    "pending_jobs",
+    "read_record",
+    "render_jobs",
+    "write_pictures",
+]
 
 #: JPEG quality of stored pictures; high, since training adds its own artefacts.
 _QUALITY = 90
@@ -82,11 +90,27 @@ def load_examples(folder: Path, n_scenes: int | None = None) -> list[Example]:
         if n_scenes is not None and int(record.stem) >= n_scenes:
             continue
         thing = record.parent.name
-        for picture in json.loads(record.read_text("utf-8")):
-            path = record.parent / picture["file"]
-            scene = f"{thing}/{record.stem}"
-            examples.append(Example(path, thing, picture["positive"], picture["facts"], scene))
+        examples += read_record(record, thing, f"{thing}/{record.stem}")
     return examples
+
+
+def read_record(record: Path, thing: str, scene: str) -> list[Example]:
+    """The pictures of one finished scene."""
+    return [
+        Example(record.parent / row["file"], thing, row["positive"], row["facts"], scene)
+        for row in json.loads(record.read_text("utf-8"))
+    ]
+
+
+def write_pictures(record: Path, pictures: Sequence[Picture]) -> None:
+    """Write pictures beside their record, which comes last: without it a scene is not finished."""
+    rows = []
+    for number, picture in enumerate(pictures):
+        file = f"{record.stem}_{number}.jpg"
+        picture.image.save(record.parent / file, quality=_QUALITY)
+        facts = {name: round(value, 4) for name, value in picture.facts.items()}
+        rows.append({"file": file, "positive": picture.is_positive, "facts": facts})
+    record.write_text(json.dumps(rows), "utf-8")
 
 
 def _record(folder: Path, thing: str, seed: int) -> Path:
@@ -99,15 +123,6 @@ def _render_job(job: SceneJob) -> SceneJob:
         for seed in job.seeds:
             record = _record(job.folder, job.thing, seed)
             record.parent.mkdir(parents=True, exist_ok=True)
-            rows = []
-            for number, picture in enumerate(
-                renderer.render(job.thing, job.split, seed, job.n_views)
-            ):
-                file = f"{seed:05d}_{number}.jpg"
-                picture.image.save(record.parent / file, quality=_QUALITY)
-                rows.append(
-                    {"file": file, "positive": picture.is_positive, "facts": dict(picture.facts)}
-                )
-            # Written last: a scene without its record is rendered again.
-            record.write_text(json.dumps(rows), "utf-8")
+            pictures = renderer.render(job.thing, job.split, seed, job.n_views)
+            write_pictures(record, pictures)
     return job

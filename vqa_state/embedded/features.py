@@ -17,8 +17,8 @@ from vqa_state.embedded.trunk import INPUT_SIZE, Trunk
 
 __all__ = ["N_FROZEN_BLOCKS", "embed_examples", "n_chunks", "varied"]
 
-#: Blocks that training leaves as ImageNet made them; their output is (112, 14, 14).
-N_FROZEN_BLOCKS = 11
+#: Blocks that training leaves as ImageNet made them; their output is (80, 14, 14).
+N_FROZEN_BLOCKS = 8
 
 _CHUNK = 480
 _BATCH = 24
@@ -27,7 +27,7 @@ _BATCH = 24
 def embed_examples(
     trunk: Trunk, examples: Sequence[Example], folder: Path, seed: int
 ) -> Iterator[Tensor]:
-    """Yield maps of shape (n, 112, 14, 14) in float16, chunk by chunk, in the examples' order.
+    """Yield maps of shape (n, 80, 14, 14) in float16, chunk by chunk, in the examples' order.
 
     Every picture is varied once (see `varied`). A chunk that an earlier run has left in `folder`
     is read instead of computed.
@@ -52,7 +52,7 @@ def varied(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.fl
     """A (224, 224, 3) picture mirrored, cut, and changed in brightness and in each channel."""
     if rng.random() < 0.5:
         pixels = pixels[:, ::-1]
-    side = int(INPUT_SIZE * rng.uniform(0.82, 1))
+    side = int(INPUT_SIZE * rng.uniform(0.72, 1))
     top, left = rng.integers(0, INPUT_SIZE - side + 1, 2)
     cut = Image.fromarray(np.ascontiguousarray(pixels[top : top + side, left : left + side]))
     again = cut.resize((INPUT_SIZE, INPUT_SIZE), Image.Resampling.BILINEAR)

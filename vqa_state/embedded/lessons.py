@@ -1,5 +1,6 @@
 """Batches: which pictures, which questions, and the right answers."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -28,7 +29,7 @@ class Batch:
     questions, `asked` (n_images, n_questions) picks from them, `targets` are the right answers.
     `states` (n_images,) are 1 for positive pictures, 0 for others; `things` (n_images,) are
     positions in THINGS; `meanings`, one for each of the different questions, are what "yes" says:
-    0 the positive state, 1 the negative one, 2 neither, `UNKNOWN` for questions about facts.
+    0 the positive state, 1 the negative one, 2 neither, `UNKNOWN` for questions about evidence.
     """
 
     rows: NDArray[np.int64]
@@ -45,6 +46,7 @@ class Lessons:
 
     def __init__(self, examples: Sequence[Example], n_drills: int, seed: int) -> None:
         self._rng = np.random.default_rng([seed, 1])
+        self._seed = seed
         self._examples = examples
         things = sorted({example.thing for example in examples})
         self._drills = {thing: make_drills(thing, n_drills, self._rng) for thing in things}
@@ -58,6 +60,10 @@ class Lessons:
         }
         self._targets = [_targets(example, self._drills) for example in examples]
         self._shares = _shares(examples)
+
+    def restart(self, stage: int) -> None:
+        """Draw anew, so that a stage draws the same whether or not another ran before it."""
+        self._rng = np.random.default_rng([self._seed, 2, stage])
 
     def draw(self, n_images: int, n_questions: int) -> Batch:
         """A batch in which all pictures of a thing are asked the same questions.
@@ -90,7 +96,7 @@ class Lessons:
 
 
 def _meaning(drill: Drill) -> int:
-    if drill.fact is not None:
+    if drill.evidence is not None:
         return UNKNOWN
     return {("yes", "no"): 0, ("no", "yes"): 1}.get((drill.when_true, drill.when_false), 2)
 
@@ -102,14 +108,19 @@ def _targets(example: Example, drills: Mapping[str, Sequence[Drill]]) -> NDArray
 
 
 def _shares(examples: Sequence[Example]) -> NDArray[np.float64]:
-    """Probabilities that fall with the square root of the group's size.
+    """Probabilities: a source's share grows with the square root of its size, states are even.
 
-    A group is one thing in one state, rendered or photographed.
+    A source is one thing as rendered here, in a simulator, or photographed. Photos are worth twice
+    their share, since people ask about photos.
     """
-    groups = [
-        (example.thing, example.is_positive, example.scene.startswith("photo/"))
-        for example in examples
-    ]
-    sizes = {group: groups.count(group) for group in set(groups)}
-    weights = np.array([sizes[group] ** -0.5 for group in groups])
+    sources = [(example.thing, example.scene.partition("/")[0]) for example in examples]
+    states = [example.is_positive for example in examples]
+    sizes = Counter(sources)
+    both = Counter(zip(sources, states, strict=True))
+    weights = np.array(
+        [
+            sizes[source] ** 0.5 / both[source, state] * (2 if source[1] == "photo" else 1)
+            for source, state in zip(sources, states, strict=True)
+        ]
+    )
     return np.asarray(weights / weights.sum())

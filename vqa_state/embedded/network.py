@@ -1,27 +1,37 @@
-"""The network: image tokens are made once, then every question reads them with a few slots."""
+"""The network: image tokens are made once, then every question reads them with a few slots.
+
+Every question reads one of six *views* of the image, each made from another part of the tokens'
+channels. Which one is drawn by the question's own words (`view_of`). Were all questions to read the
+same, they would all err on the same images, and choosing among them would change nothing. Source of
+the idea: T. K. Ho, *The Random Subspace Method for Constructing Decision Forests*, PAMI 1998.
+"""
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from vqa_state.embedded.text import MAX_WORDS, N_BUCKETS
-from vqa_state.embedded.trunk import N_TOKENS, TOKEN_WIDTH, Trunk
+from vqa_state.embedded.trunk import COARSE_WIDTH, N_TOKENS, TOKEN_WIDTH, Trunk
 from vqa_state.embedded.vocabulary import ANSWERS
 
-__all__ = ["Memory", "VQANetwork"]
+__all__ = ["N_VIEWS", "Memory", "VQANetwork"]
 
 _WIDTH = 160
 _N_HEADS = 4
 _WORD_WIDTH = 128
+
+#: Views of an image; see `_channels`.
+N_VIEWS = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Memory:
     """What the reader keeps of images: keys and values of every layer.
 
-    Each tensor is of shape (n_images, n_heads, 49, width / n_heads).
+    Each tensor is of shape (n_images x n_views, n_heads, 49, width / n_heads).
     """
 
     keys_values: tuple[tuple[Tensor, Tensor], ...]
@@ -90,15 +100,15 @@ class QuestionEncoder(nn.Module):
 class VQANetwork(nn.Module):
     """`see` once for every image, `read` once for every question, then `answer` all pairs."""
 
+    temperature: Tensor
+
     def __init__(self, n_slots: int = 4, n_layers: int = 3) -> None:
         super().__init__()
         self.trunk = Trunk()
-        self.narrow = nn.Sequential(
-            nn.LayerNorm(TOKEN_WIDTH),
-            nn.Linear(TOKEN_WIDTH, _WIDTH),
-            nn.GELU(),
-            nn.LayerNorm(_WIDTH),
-        )
+        self._channels = _channels()
+        self.views = nn.ModuleList([_narrowing(len(channels)) for channels in self._channels])
+        # Divides the difference of the logits of "yes" and "no"; set after training.
+        self.register_buffer("temperature", torch.ones(()))
         self.token_dropout = nn.Dropout(0.2)
         self.place = nn.Parameter(torch.randn(N_TOKENS, _WIDTH) * 0.02)
         self.read = QuestionEncoder(n_slots)
@@ -117,23 +127,44 @@ class VQANetwork(nn.Module):
 
     def remember(self, tokens: Tensor) -> Memory:
         """Tokens (n_images, 49, 768) -> what questions read."""
-        source = self.token_dropout(self.narrow(tokens)) + self.place
+        views = [
+            view(tokens[..., channels])
+            for view, channels in zip(self.views, self._channels, strict=True)
+        ]
+        source = self.token_dropout(torch.stack(views, dim=1).flatten(0, 1)) + self.place
         return Memory(
             tuple(layer.remember(source) for layer in self.layers if isinstance(layer, Attention))
         )
 
     def answer(self, memory: Memory, slots: Tensor) -> Tensor:
-        """Slots (n_images, n_questions, n_slots, width) -> logits (..., n_questions, n_answers).
+        """Slots (n_images, n_views, n, n_slots, width) -> logits (n_images, n_views, n, n_answers).
 
-        All questions of an image stand in one row of slots; slots never read each other, so
-        questions do not either.
+        There are `n` questions for each view. All questions of one view stand in one row of slots;
+        slots never read each other, so questions do not either.
         """
-        n_images, n_questions, n_slots, width = slots.shape
-        x = slots.reshape(n_images, n_questions * n_slots, width)
+        n_images, n_views, n_questions, n_slots, width = slots.shape
+        x = slots.reshape(n_images * n_views, n_questions * n_slots, width)
         for layer, keys_values in zip(self.layers, memory.keys_values, strict=True):
             x = layer(x, keys_values)
-        x = x.reshape(n_images, n_questions, n_slots * width)
+        x = x.reshape(n_images, n_views, n_questions, n_slots * width)
         return self.decide(x)  # type: ignore[no-any-return]
+
+
+def _channels() -> list[list[int]]:
+    """The channels of each view: the coarse map, the fine one, and two drawn pairs of halves."""
+    coarse, fine = list(range(COARSE_WIDTH)), list(range(COARSE_WIDTH, TOKEN_WIDTH))
+    halves = []
+    for seed in range((N_VIEWS - 2) // 2):
+        drawn = np.random.default_rng(seed).permutation(TOKEN_WIDTH)
+        halves += [sorted(half.tolist()) for half in np.split(drawn, 2)]
+    return [coarse, fine, *halves]
+
+
+def _narrowing(n_channels: int) -> nn.Sequential:
+    """Tokens of one view to the width of the reader."""
+    return nn.Sequential(
+        nn.LayerNorm(n_channels), nn.Linear(n_channels, _WIDTH), nn.GELU(), nn.LayerNorm(_WIDTH)
+    )
 
 
 def _split_heads(x: Tensor) -> Tensor:

@@ -3,6 +3,7 @@
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,25 +11,39 @@ import torch
 from PIL.Image import Image
 from torch import Tensor
 
-from vqa_state.embedded.network import VQANetwork
+from vqa_state.embedded.network import N_VIEWS, VQANetwork
 from vqa_state.embedded.pixels import normalise, to_square
-from vqa_state.embedded.text import encode_questions
+from vqa_state.embedded.text import encode_questions, view_of
 from vqa_state.embedded.vocabulary import ANSWERS, NO, YES
 from vqa_state.embedded.weights import WEIGHTS, load_network
 
-__all__ = ["MAX_IMAGES", "Predictor"]
+__all__ = ["MAX_IMAGES", "Predictor", "ReadQuestions"]
 
 #: Images that go through the network together. Their number changes no digit of any answer
 #: (measured, and tested in tests/test_embedded.py).
 MAX_IMAGES = 8
 
-#: Questions are answered in blocks of this many, the last one filled up. A matrix product of fewer
-#: than 16 rows rounds differently; blocks of one shape give the same answer to a question whatever
-#: is asked beside it.
-_BLOCK = 64
+#: Questions of each view are answered in blocks of this many, filled up with nothing. A matrix
+#: product of few rows rounds differently; blocks of one shape give the same answer to a question
+#: whatever is asked beside it.
+_BLOCK = 8
 
 #: Questions whose slots are kept, 2.5 kB each.
 _MAX_CACHED = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class ReadQuestions:
+    """Questions as the network reads them, sorted by view.
+
+    Attributes:
+        blocks: each (n_views, `_BLOCK`, n_slots, width).
+        places: of every question, in the order in which they were given, its block, its view and
+            its row there.
+    """
+
+    blocks: tuple[Tensor, ...]
+    places: tuple[tuple[int, int, int], ...]
 
 
 class Predictor:
@@ -45,12 +60,26 @@ class Predictor:
         self._lock = threading.Lock()
 
     @torch.inference_mode()
-    def read(self, questions: Sequence[str]) -> Tensor:
-        """What the network makes of questions: (n_questions, n_slots, width)."""
-        return torch.stack([self._slots(question) for question in questions])
+    def read(self, questions: Sequence[str]) -> ReadQuestions:
+        """What the network makes of questions."""
+        filled = [0] * N_VIEWS
+        places = []
+        for question in questions:
+            view = view_of(question, N_VIEWS)
+            block, row = divmod(filled[view], _BLOCK)
+            places.append((block, view, row))
+            filled[view] += 1
+        n_blocks = -(-max(filled) // _BLOCK)
+        shape = self._network.read.slots.shape
+        blocks = [torch.zeros(N_VIEWS, _BLOCK, *shape) for _ in range(n_blocks)]
+        for question, (block, view, row) in zip(questions, places, strict=True):
+            blocks[block][view, row] = self._slots(question)
+        return ReadQuestions(tuple(blocks), tuple(places))
 
     @torch.inference_mode()
-    def answer(self, images: Sequence[Image], slots: Tensor) -> list[list[tuple[str, float]]]:
+    def answer(
+        self, images: Sequence[Image], questions: ReadQuestions
+    ) -> list[list[tuple[str, float]]]:
         """For each image the answer to each question that `read` has read.
 
         An answer is a text and P(yes) / (P(yes) + P(no)). Give at most `MAX_IMAGES` at once: more
@@ -58,15 +87,18 @@ class Predictor:
         """
         pixels = torch.from_numpy(normalise(np.stack([to_square(image) for image in images])))
         memory = self._network.see(pixels.contiguous(memory_format=torch.channels_last))
-        logits = torch.cat(
+        answered = torch.stack(
             [
-                self._network.answer(memory, _filled(block).expand(len(images), -1, -1, -1))
-                for block in torch.split(slots, _BLOCK)
+                self._network.answer(memory, block.expand(len(images), -1, -1, -1, -1))
+                for block in questions.blocks
             ],
             dim=1,
-        )[:, : len(slots)]
+        )  # (n_images, n_blocks, n_views, _BLOCK, n_answers)
+        where = torch.tensor(questions.places).T
+        logits = answered[:, where[0], where[1], where[2]]
         best = logits.argmax(dim=-1).tolist()
-        yes = torch.sigmoid(logits[..., YES] - logits[..., NO]).tolist()
+        difference = logits[..., YES] - logits[..., NO]
+        yes = torch.sigmoid(difference / self._network.temperature).tolist()
         # Later digits than the sixth are the machine's, not the model's.
         return [
             [(ANSWERS[number], round(p_yes, 6)) for number, p_yes in zip(*row, strict=True)]
@@ -87,8 +119,3 @@ class Predictor:
             if len(self._cache) > _MAX_CACHED:
                 self._cache.popitem(last=False)
         return slots
-
-
-def _filled(block: Tensor) -> Tensor:
-    """The block with zeros up to `_BLOCK` questions."""
-    return torch.cat([block, block.new_zeros(_BLOCK - len(block), *block.shape[1:])])

@@ -1,45 +1,73 @@
-"""`python -m vqa_state.embedded.samples --out DIR`: pictures for the sample projects."""
+"""`python -m vqa_state.embedded.samples --out projects`: the eleven sample projects."""
 
 import argparse
-from collections.abc import Sequence
+import io
+import shutil
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from vqa_state.embedded.scenes import SceneRenderer, Split
+from rich.progress import track
 
-__all__ = ["main", "write_samples"]
+from vqa_state.embedded.experiments import grid_about, states_of
+from vqa_state.embedded.scenes import PAPER_THINGS, SceneRenderer, Split
+from vqa_state.project import Project
+from vqa_state.project_file import StateNames
+from vqa_state.splits import Split as Side
 
-#: The things that the package ships a sample project of.
-_SAMPLE_THINGS = ("refrigerator", "transparent_door")
+__all__ = ["main", "write_project"]
 
-_SIZE = 320
-_QUALITY = 85
+#: The experiments of the paper whose pictures make up that on various doors.
+_DOORS = ("door", "elevator", "cabinet", "refrigerator")
+_VARIOUS = "various_doors"
+
+_N_PER_STATE = 10
+_SIZE = 256
+_QUALITY = 82
+
+#: (name, bytes of a JPEG, whether positive, side) of one picture.
+_Sample = tuple[str, bytes, bool, Side]
 
 
-def write_samples(folder: Path, thing: str, n_images: int = 10) -> None:
-    """Write `n_images` pictures a state for train and for test: FOLDER/{train,test}/STATE/NN.jpg.
+def write_project(folder: Path, experiment: str, renderer: SceneRenderer) -> None:
+    """Write one project with 10 + 10 pictures a side, or four times as many for various doors.
 
-    Every picture is of a scene of its own, so test pictures show nothing that train ones show.
+    Every picture is of a scene of its own, so test pictures show nothing that train ones show. No
+    picture is left out for being hard.
     """
-    with SceneRenderer(_SIZE) as renderer:
-        for number in range(4 * n_images):
-            is_open, use = number % 2 == 0, "train" if number < 2 * n_images else "test"
-            positive, negative = renderer.render(thing, Split.SAMPLE, number)
-            picture = positive if is_open else negative
-            target = folder / use / ("open" if is_open else "closed")
-            target.mkdir(parents=True, exist_ok=True)
-            file = target / f"{number % (2 * n_images) // 2 + 1:02d}.jpg"
-            picture.image.save(file, quality=_QUALITY, optimize=True)
+    things = _DOORS if experiment == _VARIOUS else (experiment,)
+    positive, negative = states_of(experiment)
+    states = StateNames(positive, negative or f"not {positive}")
+    name = experiment.replace("_", " ")
+    project = Project.create(folder, name, states, grid=grid_about(experiment))
+    for thing in things:
+        for picture, data, is_positive, side in _samples(thing, renderer):
+            added = project.add(data, f"{thing}/{picture}", 1 if is_positive else -1)
+            project.set_splits([added.image.id], side)
+    project.save()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the pictures of all sample projects."""
+    """Write all sample projects anew."""
     parser = argparse.ArgumentParser(
         prog="python -m vqa_state.embedded.samples", description=__doc__
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     chosen = parser.parse_args(arguments)
-    for thing in _SAMPLE_THINGS:
-        write_samples(chosen.out / thing, thing)
+    with SceneRenderer(_SIZE) as renderer:
+        for experiment in track((*PAPER_THINGS, _VARIOUS), description="samples"):
+            shutil.rmtree(chosen.out / experiment, ignore_errors=True)
+            write_project(chosen.out / experiment, experiment, renderer)
+
+
+def _samples(thing: str, renderer: SceneRenderer) -> Iterator[_Sample]:
+    for number in range(4 * _N_PER_STATE):
+        is_positive = number % 2 == 0
+        side = Side.TRAIN if number < 2 * _N_PER_STATE else Side.TEST
+        positive, negative = renderer.render(thing, Split.SAMPLE, number)
+        buffer = io.BytesIO()
+        picture = positive if is_positive else negative
+        picture.image.save(buffer, "JPEG", quality=_QUALITY, optimize=True)
+        yield f"{side.value}/{number:02d}.jpg", buffer.getvalue(), is_positive, side
 
 
 if __name__ == "__main__":

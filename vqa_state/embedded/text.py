@@ -10,7 +10,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MAX_WORDS", "N_BUCKETS", "N_PIECES", "encode_questions", "word_pieces", "words"]
+__all__ = [
+    "MAX_WORDS",
+    "N_BUCKETS",
+    "N_PIECES",
+    "encode_questions",
+    "view_of",
+    "word_pieces",
+    "words",
+]
 
 #: Words beyond this many are not read. The longest question of the paper has 15.
 MAX_WORDS = 24
@@ -28,6 +36,14 @@ def words(question: str) -> list[str]:
     """The words of a question in lower case, at most `MAX_WORDS`; "isn't" is "is not"."""
     plain = question.lower().replace("’", "'").replace("n't", " not")
     return _WORD.findall(plain)[:MAX_WORDS]
+
+
+def view_of(question: str, n_views: int) -> int:
+    """Which of the network's views a question reads, from 0 to `n_views` - 1.
+
+    It is drawn by the words alone, so a question gets the same answer whatever else is asked.
+    """
+    return zlib.crc32(" ".join(words(question)).encode()) % n_views
 
 
 def word_pieces(word: str) -> list[int]:

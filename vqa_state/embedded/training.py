@@ -4,18 +4,22 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
 from vqa_state.embedded.features import N_FROZEN_BLOCKS
 from vqa_state.embedded.lessons import UNKNOWN, Batch, Lessons
-from vqa_state.embedded.network import Memory, VQANetwork
+from vqa_state.embedded.network import N_VIEWS, Memory, VQANetwork
 from vqa_state.embedded.scenes import THINGS
+from vqa_state.embedded.vocabulary import NO, YES
 
-__all__ = ["StepReport", "train_reader", "tune_trunk"]
+__all__ = ["StepReport", "grade", "train_reader", "tune_trunk"]
 
-_N_QUESTIONS = 8
+#: Questions about each picture of a batch, as many for every view.
+_N_QUESTIONS = 2 * N_VIEWS
 _LABEL_SMOOTHING = 0.05
 _LARGEST_GRADIENT = 1.0
 _AID_WEIGHT = 0.3
@@ -37,7 +41,7 @@ def train_reader(
 ) -> Iterator[StepReport]:
     """Train everything but the trunk, whose tokens are computed once.
 
-    `maps` is (n_examples, 112, 14, 14): the output of the trunk's frozen blocks.
+    `maps` is (n_examples, 80, 14, 14): the output of the trunk's frozen blocks.
     """
     tokens = _all_tokens(network, maps)
     for parameter in network.trunk.parameters():
@@ -76,6 +80,26 @@ def tune_trunk(
         yield learner.step(batch, network.remember(tokens))
 
 
+@torch.inference_mode()
+def grade(
+    network: VQANetwork, maps: Tensor, lessons: Lessons, n_batches: int = 40
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Logit differences (yes minus no) to questions whose answer is yes or no, and which it is."""
+    network.eval()
+    differences, truths = [], []
+    for _ in range(n_batches):
+        batch = lessons.draw(32, _N_QUESTIONS)
+        part = maps[batch.rows].float().contiguous(memory_format=torch.channels_last)
+        memory = network.remember(network.trunk.finish(part, N_FROZEN_BLOCKS))
+        slots = network.read(batch.buckets)[batch.asked].unflatten(1, (N_VIEWS, -1))
+        logits = network.answer(memory, slots).flatten(0, 2)
+        targets = batch.targets.flatten()
+        asked = (targets == YES) | (targets == NO)
+        differences.append((logits[:, YES] - logits[:, NO])[asked])
+        truths.append((targets == YES)[asked])
+    return torch.cat(differences).double().numpy(), torch.cat(truths).numpy()
+
+
 class _Learner:
     """Optimiser, schedule and loss of one stage."""
 
@@ -103,7 +127,8 @@ class _Learner:
     def step(self, batch: Batch, memory: Memory) -> StepReport:
         """Learn from one batch whose images have been seen."""
         read = self.network.read(batch.buckets)
-        logits = self.network.answer(memory, read[batch.asked]).flatten(0, 1)
+        slots = read[batch.asked].unflatten(1, (N_VIEWS, -1))
+        logits = self.network.answer(memory, slots).flatten(0, 2)
         targets = batch.targets.flatten()
         loss = functional.cross_entropy(
             logits, targets, ignore_index=UNKNOWN, label_smoothing=_LABEL_SMOOTHING
@@ -137,10 +162,13 @@ class _Aid(nn.Module):
 
     def forward(self, batch: Batch, memory: Memory, read: Tensor) -> Tensor:
         """The sum of both helpers' losses."""
-        values = memory.keys_values[0][1]  # (n_images, n_heads, 49, head_width)
+        values = memory.keys_values[0][1]  # (n_images x n_views, n_heads, 49, head_width)
         pooled = torch.cat([values.mean(dim=2), values.amax(dim=2)], dim=-1).flatten(1)
-        states = self.state(pooled).gather(1, batch.things[:, None])[:, 0]
-        seen = functional.binary_cross_entropy_with_logits(states, batch.states)
+        things = batch.things.repeat_interleave(N_VIEWS)
+        states = self.state(pooled).gather(1, things[:, None])[:, 0]
+        seen = functional.binary_cross_entropy_with_logits(
+            states, batch.states.repeat_interleave(N_VIEWS)
+        )
         meant = functional.cross_entropy(
             self.meaning(read.flatten(1)), batch.meanings, ignore_index=UNKNOWN
         )

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-__all__ = ["INPUT_SIZE", "N_TOKENS", "STAGES", "TOKEN_WIDTH", "Stage", "Trunk"]
+__all__ = ["COARSE_WIDTH", "INPUT_SIZE", "N_TOKENS", "STAGES", "TOKEN_WIDTH", "Stage", "Trunk"]
 
 #: Pixels a side of the input.
 INPUT_SIZE = 224
@@ -18,7 +18,8 @@ INPUT_SIZE = 224
 #: The output is a 7 x 7 map, each place described by the last block and by the 2 x 2 places of an
 #: earlier, finer one (a gap at a door's edge is too small for the last block).
 N_TOKENS = 49
-TOKEN_WIDTH = 320 + 4 * 112
+COARSE_WIDTH = 320
+TOKEN_WIDTH = COARSE_WIDTH + 4 * 112
 
 
 class Stage(NamedTuple):
@@ -112,7 +113,7 @@ class Trunk(nn.Module):
         return h
 
     def finish(self, h: Tensor, n_blocks: int) -> Tensor:
-        """Tokens from the output of `begin`; `n_blocks` is at most 11, so that it is 14 x 14."""
+        """Tokens from the output of `begin`; `n_blocks` is at most 11."""
         fine = h
         for number in range(n_blocks, len(self.blocks)):
             h = self.blocks[number](h)

@@ -28,6 +28,13 @@ ANSWERS = (
     "picture",
     "water",
     "nothing",
+    "drawer",
+    "window",
+    "curtain",
+    "laptop",
+    "box",
+    "gate",
+    "oven",
 )
 
 YES = ANSWERS.index("yes")

@@ -15,6 +15,7 @@ __all__ = [
     "WEIGHTS",
     "count_parameters",
     "load_network",
+    "load_stage",
     "read_header",
     "save_network",
     "weights_digest",
@@ -24,10 +25,26 @@ __all__ = [
 WEIGHTS = Path(__file__).with_name("weights.safetensors")
 
 
-def save_network(network: VQANetwork, path: Path, about: Mapping[str, str]) -> None:
-    """Write the network in float16, half of float32 in size. `about` goes into the header."""
-    tensors = {name: value.half().contiguous() for name, value in network.state_dict().items()}
-    save_file(tensors, path, metadata=dict(about))
+def save_network(
+    network: VQANetwork,
+    path: Path,
+    about: Mapping[str, str],
+    precision: torch.dtype = torch.float16,
+) -> None:
+    """Write the network, unless told otherwise in half precision. `about` goes into the header."""
+    state = network.state_dict()
+    tensors = {name: value.to(precision).contiguous() for name, value in state.items()}
+    unfinished = path.with_suffix(".part")
+    save_file(tensors, unfinished, metadata=dict(about))
+    unfinished.replace(path)
+
+
+def load_stage(network: VQANetwork, path: Path, about: Mapping[str, str]) -> bool:
+    """Whether `path` was saved with the same `about`; then `network` has its weights."""
+    if not path.exists() or read_header(path) != dict(about):
+        return False
+    network.load_state_dict(load_file(path))
+    return True
 
 
 def load_network(path: Path = WEIGHTS) -> VQANetwork:

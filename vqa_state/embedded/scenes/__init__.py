@@ -1,6 +1,6 @@
-"""Rendered pictures of ten household things in two states each (development only)."""
+"""Rendered pictures of household things in two states each (development only)."""
 
 from vqa_state.embedded.scenes.rendering import Picture, SceneRenderer, render_scene
-from vqa_state.embedded.scenes.seeds import THINGS, Split
+from vqa_state.embedded.scenes.seeds import PAPER_THINGS, THINGS, Split
 
-__all__ = ["THINGS", "Picture", "SceneRenderer", "Split", "render_scene"]
+__all__ = ["PAPER_THINGS", "THINGS", "Picture", "SceneRenderer", "Split", "render_scene"]

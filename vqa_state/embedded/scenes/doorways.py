@@ -131,23 +131,23 @@ def _add_buttons(scene: SceneBuilder, width: float, height: float) -> None:
 
 
 def _swing(direction: float) -> Pose:
-    """A pose that turns the leaf by 30 to 115 degrees, or leaves it shut."""
+    """A pose that turns the leaf by 9 to 115 degrees, or leaves it shut."""
 
     def pose(stage: Stage, is_open: bool) -> Facts:
-        angle = stage.uniform(0.55, 2.0) if is_open else stage.uniform(0, 0.02)
-        stage.move("leaf", direction * angle)
-        return _facts(is_open, wide=angle > 1.2, at_angle=is_open)
+        degree = stage.degree(is_open)
+        stage.move("leaf", direction * (2.0 * degree + stage.uniform(0, 0.02)))
+        return _facts(degree, at_angle=is_open, way_free=degree > 0.4)
 
     return pose
 
 
 def _slide(direction: float, width: float) -> Pose:
-    """A pose that slides the leaf aside by more than half its width, or not at all."""
+    """A pose that slides the leaf aside by up to its width, or not at all."""
 
     def pose(stage: Stage, is_open: bool) -> Facts:
-        share = stage.uniform(0.55, 0.95) if is_open else stage.uniform(0, 0.01)
-        stage.move("leaf", direction * share * width)
-        return _facts(is_open, wide=share > 0.75, at_angle=False)
+        degree = stage.degree(is_open)
+        stage.move("leaf", direction * (0.96 * degree + stage.uniform(0, 0.01)) * width)
+        return _facts(degree, at_angle=False, way_free=degree > 0.6)
 
     return pose
 
@@ -156,23 +156,23 @@ def _part(width: float, side: float, two_leaves: bool) -> Pose:
     """A pose that draws both leaves apart, or both to one side."""
 
     def pose(stage: Stage, is_open: bool) -> Facts:
-        share = stage.uniform(0.55, 0.97) if is_open else stage.uniform(0, 0.006)
+        degree = stage.degree(is_open)
+        share = 0.97 * degree + stage.uniform(0, 0.006)
         for number, own_side in enumerate((-1.0, 1.0)):
             # The leaf that is already on that side goes half as far as the other.
             far = 1.0 if own_side != side else 0.5
             way = own_side * width / 2 if two_leaves else side * width * far
             stage.move(f"leaf{number}", share * way)
-        return _facts(is_open, wide=share > 0.75, at_angle=False)
+        return _facts(degree, at_angle=False, way_free=degree > 0.5)
 
     return pose
 
 
-def _facts(is_open: bool, *, wide: bool, at_angle: bool) -> Facts:
+def _facts(degree: float, *, at_angle: bool, way_free: bool) -> Facts:
     return {
-        "inside_visible": is_open,
-        "wide_open": is_open and wide,
-        "slightly_open": is_open and not wide,
-        "leaf_at_angle": at_angle,
-        "flush": not is_open,
-        "way_free": is_open,
+        "degree": degree,
+        "inside_visible": float(degree > 0.15),
+        "leaf_at_angle": float(at_angle),
+        "flush": float(degree == 0),
+        "way_free": float(way_free),
     }

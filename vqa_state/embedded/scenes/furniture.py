@@ -13,13 +13,14 @@ from vqa_state.embedded.scenes.parts import (
     add_room,
     swing_leaves,
 )
+from vqa_state.embedded.scenes.sliding import add_sliding_fronts
 from vqa_state.embedded.scenes.stage import Blueprint, CameraRange, Facts, Pose, Stage
 
 __all__ = ["build_cabinet", "build_microwave", "build_refrigerator"]
 
 
 def build_cabinet(scene: SceneBuilder) -> Blueprint:
-    """A cupboard with one or two leaves: on the floor, at counter height or on the wall."""
+    """A cupboard with one or two leaves or sliding fronts, on the floor or on the wall."""
     width, height, depth = scene.uniform(0.4, 1), scene.uniform(0.4, 1.1), scene.uniform(0.3, 0.5)
     bottom = scene.pick((0.05, 0.9, 1.4))
     add_room(scene, depth + 0.02)
@@ -28,15 +29,15 @@ def build_cabinet(scene: SceneBuilder) -> Blueprint:
     add_carcass(scene, (width, depth, height), bottom, outside, inside)
     _add_shelves(scene, (width, depth, height), bottom, inside)
     fronts = outside if scene.chance(0.6) else scene.material()
-    leaves = _cabinet_leaves(scene, width, height, bottom)
-    style = "panel" if scene.chance(0.5) else "flat"
-    for leaf in leaves:
-        add_leaf(scene, leaf, fronts, front=style)
+    if scene.chance(0.25):
+        pose = add_sliding_fronts(scene, width, height, bottom, fronts)
+    else:
+        pose = _add_cabinet_leaves(scene, width, height, bottom, fronts)
     _add_neighbours(scene, (width, depth, height), bottom, fronts)
     camera = CameraRange(
         (0, 0, bottom + height / 2), (50, 130), (-25, 12), (height * 1.3 + 0.3, height * 2.6 + 0.4)
     )
-    return Blueprint(_swing(leaves, (0.6, 2.2)), camera)
+    return Blueprint(pose, camera)
 
 
 def build_refrigerator(scene: SceneBuilder) -> Blueprint:
@@ -64,7 +65,7 @@ def build_refrigerator(scene: SceneBuilder) -> Blueprint:
         add_leaf(scene, leaf, outside, bar=scene.chance(0.8))
     _add_kitchen(scene, width, depth)
     camera = CameraRange((0, 0, height * 0.5), (52, 128), (-18, 8), (1.7, 3.2))
-    return Blueprint(_swing(leaves, (0.65, 2.1)), camera)
+    return Blueprint(_swing(leaves, 2.1), camera)
 
 
 def build_microwave(scene: SceneBuilder) -> Blueprint:
@@ -94,12 +95,12 @@ def build_microwave(scene: SceneBuilder) -> Blueprint:
     add_clutter(scene, scene.count(0, 3), (-1, -width / 2 - 0.15), (-0.1, depth), bottom, 0.25)
     add_clutter(scene, scene.count(0, 3), (width / 2 + 0.15, 1), (-0.1, depth), bottom, 0.25)
     camera = CameraRange((0, 0, bottom + height / 2), (52, 128), (-35, 2), (0.65, 1.3))
-    return Blueprint(_swing([leaf], (0.65, 2.1)), camera)
+    return Blueprint(_swing([leaf], 2.1), camera)
 
 
-def _swing(leaves: Sequence[Leaf], opened: tuple[float, float]) -> Pose:
+def _swing(leaves: Sequence[Leaf], farthest: float) -> Pose:
     def pose(stage: Stage, is_open: bool) -> Facts:
-        return swing_leaves(stage, leaves, is_open, opened)
+        return swing_leaves(stage, leaves, is_open, farthest)
 
     return pose
 
@@ -113,6 +114,16 @@ def _add_shelves(
         scene.box((0, depth / 2, z), (width - 0.03, depth - 0.03, 0.015), finish)
         add_items(scene, width, depth, z, scene.count(0, 3), height * 0.25)
     add_items(scene, width, depth, bottom + 0.02, scene.count(0, 3), height * 0.28)
+
+
+def _add_cabinet_leaves(
+    scene: SceneBuilder, width: float, height: float, bottom: float, finish: str
+) -> Pose:
+    leaves = _cabinet_leaves(scene, width, height, bottom)
+    style = "panel" if scene.chance(0.5) else "flat"
+    for leaf in leaves:
+        add_leaf(scene, leaf, finish, front=style)
+    return _swing(leaves, 2.2)
 
 
 def _cabinet_leaves(scene: SceneBuilder, width: float, height: float, bottom: float) -> list[Leaf]:

@@ -47,13 +47,14 @@ def build_display(scene: SceneBuilder) -> Blueprint:
     # The picture lies on the geom's own x-y plane, so the lit panel is made flat and put up.
     flat = (width / 2, height / 2, 0.002)
     upright = (math.pi / 2, 0.0, 0.0)
-    scene.geom("box", flat, scene.screen(), at=(0, y - 0.021, middle), turn=upright)
+    panel = scene.screen()
+    scene.geom("box", flat, panel, at=(0, y - 0.021, middle), turn=upright)
     with scene.body((0, y - 0.024, middle), '<joint name="cover" type="slide" axis="0 0 1"/>'):
         scene.box((0, 0, 0), (width, 0.003, height), scene.material("dark"))
     camera = CameraRange(
         (0, y, middle), (55, 125), (-25, 8), (width * 1.1 + 0.1, width * 2.2 + 0.2)
     )
-    return Blueprint(_switch_display, camera)
+    return Blueprint(_switch_display(panel), camera)
 
 
 def build_handbag(scene: SceneBuilder) -> Blueprint:
@@ -104,18 +105,23 @@ def _switch_light(shade: str, daylight: bool) -> Pose:
     """A pose that makes the shade glow and the lamp shine, in front of daylight or none."""
 
     def pose(stage: Stage, is_on: bool) -> Facts:
+        strength = 0.0
         warm = (1.0, stage.uniform(0.85, 1), stage.uniform(0.65, 1))
         level = stage.uniform(0.2, 0.4) if daylight else stage.uniform(0.04, 0.18)
         stage.dim(stage.uniform(0.3, 0.7) if daylight else stage.uniform(0, 0.3))
         if is_on:
-            strength = stage.uniform(0.5, 1)
-            stage.paint(shade, warm, 1.0)
+            strength = stage.uniform(0.35, 1)
+            stage.paint(shade, warm, 0.4 + 0.6 * strength)
             stage.light("lamp", (strength, warm[1] * strength, warm[2] * strength))
             stage.ambient(level + stage.uniform(0.1, 0.3), stage.uniform(0, 0.2))
         else:
             stage.paint(shade, (stage.uniform(0.5, 0.85),) * 3, 0.0)
             stage.ambient(level, stage.uniform(0, 0.2))
-        return {"lamp_glows": is_on, "room_bright": is_on or daylight, "daylight": daylight}
+        return {
+            "degree": strength,
+            "room_bright": float(strength > 0.6 or daylight),
+            "daylight": float(daylight),
+        }
 
     return pose
 
@@ -130,10 +136,16 @@ def _add_desk(scene: SceneBuilder, bottom: float, width: float) -> None:
     add_clutter(scene, scene.count(0, 4), (-1, 1), (-0.3, 0), 0.75, 0.12)
 
 
-def _switch_display(stage: Stage, is_on: bool) -> Facts:
-    """Hide the lit panel behind a dark one, or take the dark one far away."""
-    stage.move("cover", 100.0 if is_on else 0.0)
-    return {"picture_shown": is_on, "screen_black": not is_on}
+def _switch_display(panel: str) -> Pose:
+    """A pose that hides the lit panel behind a dark one, or takes the dark one far away."""
+
+    def pose(stage: Stage, is_on: bool) -> Facts:
+        glow = stage.uniform(0.25, 1) if is_on else 0.0
+        stage.move("cover", 100.0 if is_on else 0.0)
+        stage.glow(panel, glow)
+        return {"degree": glow, "picture_shown": float(is_on)}
+
+    return pose
 
 
 def _add_bag(
@@ -214,16 +226,22 @@ def _open_bag(depth: float, height: float, has_flap: bool) -> Pose:
     lean = math.asin(min(0.95, (depth / 2 - 0.004) / height))
 
     def pose(stage: Stage, is_open: bool) -> Facts:
+        degree = stage.degree(is_open)
         if has_flap:
             stage.move("front", stage.uniform(0, 0.2) if is_open else 0.0)
             stage.move("back", -stage.uniform(0, 0.1) if is_open else 0.0)
-            stage.move("lid", -stage.uniform(1.6, 3.0) if is_open else 0.0)
+            stage.move("lid", -(0.7 + 2.3 * degree) if is_open else 0.0)
             stage.move("tongue", stage.uniform(0.6, 1.5) if is_open else 0.0)
         else:
-            apart = stage.uniform(0.02, 0.3)
+            apart = 0.3 * degree - 0.06
             stage.move("front", apart if is_open else -lean * 0.98)
             stage.move("back", -apart if is_open else lean * 0.98)
             stage.move("zip", 100.0 if is_open else 0.0)
-        return {"inside_visible": is_open, "flap_up": has_flap and is_open, "covered": not is_open}
+        return {
+            "degree": degree,
+            "inside_visible": float(degree > 0.2),
+            "flap_up": float(has_flap and is_open),
+            "flush": float(not is_open),
+        }
 
     return pose

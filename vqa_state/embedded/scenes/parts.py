@@ -200,20 +200,19 @@ def swing_leaves(
     stage: Stage,
     leaves: Sequence[Leaf],
     is_open: bool,
-    opened: tuple[float, float],
+    farthest: float,
 ) -> Facts:
-    """Open at least one leaf by an angle from `opened` (radians), or close all of them."""
+    """Open at least one leaf by up to `farthest` (radians), or close all of them."""
     chosen, together = int(stage.rng.integers(len(leaves))), stage.chance(0.55)
-    angles = []
+    degrees = []
     for number, leaf in enumerate(leaves):
-        moves = is_open and (together or number == chosen)
-        angle = stage.uniform(*opened) if moves else stage.uniform(0, 0.02)
-        stage.move(leaf.joint, leaf.side * angle)
-        angles.append(angle)
+        degree = stage.degree(is_open and (together or number == chosen))
+        stage.move(leaf.joint, leaf.side * (farthest * degree + stage.uniform(0, 0.02)))
+        degrees.append(degree)
+    farthest_open = max(degrees)
     return {
-        "inside_visible": is_open,
-        "wide_open": max(angles) > 1.3,
-        "slightly_open": is_open and max(angles) < 0.9,
-        "leaf_at_angle": is_open,
-        "flush": not is_open,
+        "degree": farthest_open,
+        "inside_visible": float(farthest_open > 0.12),
+        "leaf_at_angle": float(is_open),
+        "flush": float(not is_open),
     }

@@ -13,8 +13,11 @@ def photograph(rendering: NDArray[np.uint8], rng: np.random.Generator) -> Image.
     """Develop a rendering, (height, width, 3), as an RGB image of the same size.
 
     A renderer's picture is too clean, too dark and too colourful, and a network trained on it
-    learns that; glow, exposure, colour cast, vignette, blur and noise take it away.
+    learns that; glow, exposure, colour cast, vignette, blur and noise take it away. One picture of
+    six stays as rendered, so that the clean look of a simulator is known too.
     """
+    if rng.random() < 1 / 6:
+        return Image.fromarray(np.ascontiguousarray(rendering))
     pixels = rendering.astype(np.float32) / 255.0
     pixels = _bloom(pixels, float(rng.uniform(0, 0.35)))
     pixels = _fade(pixels, rng)

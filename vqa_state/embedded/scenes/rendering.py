@@ -12,16 +12,24 @@ from numpy.typing import NDArray
 from PIL.Image import Image
 
 from vqa_state.embedded.scenes.builder import SceneBuilder
+from vqa_state.embedded.scenes.containers import (
+    build_box_lid,
+    build_drawer,
+    build_laptop,
+    build_oven,
+)
 from vqa_state.embedded.scenes.doorways import build_door, build_elevator, build_transparent_door
 from vqa_state.embedded.scenes.furniture import build_cabinet, build_microwave, build_refrigerator
 from vqa_state.embedded.scenes.household import build_display, build_handbag, build_light
+from vqa_state.embedded.scenes.openings import build_curtain, build_gate, build_window
 from vqa_state.embedded.scenes.photography import photograph
 from vqa_state.embedded.scenes.seeds import Split, scene_generator
 from vqa_state.embedded.scenes.sink import build_water
 from vqa_state.embedded.scenes.stage import Blueprint, CameraRange, Facts, Stage
+from vqa_state.embedded.scenes.surroundings import add_surroundings
 from vqa_state.errors import MissingPackageError
 
-__all__ = ["Picture", "SceneRenderer", "render_scene"]
+__all__ = ["Picture", "SceneRenderer", "draw", "import_mujoco", "render_scene"]
 
 _BUILDERS: Mapping[str, Callable[[SceneBuilder], Blueprint]] = MappingProxyType(
     {
@@ -35,6 +43,13 @@ _BUILDERS: Mapping[str, Callable[[SceneBuilder], Blueprint]] = MappingProxyType(
         "display": build_display,
         "handbag": build_handbag,
         "water": build_water,
+        "drawer": build_drawer,
+        "window": build_window,
+        "curtain": build_curtain,
+        "laptop": build_laptop,
+        "box_lid": build_box_lid,
+        "gate": build_gate,
+        "oven": build_oven,
     }
 )
 
@@ -70,7 +85,7 @@ class SceneRenderer:
         self._context: Any = None
 
     def __enter__(self) -> Self:
-        self._mujoco = _import_mujoco()
+        self._mujoco = import_mujoco()
         self._context = self._mujoco.GLContext(_MAX_SIZE, _MAX_SIZE)
         self._context.make_current()
         return self
@@ -92,6 +107,7 @@ class SceneRenderer:
         rng = scene_generator(thing, split, seed)
         scene = SceneBuilder(rng)
         blueprint = _BUILDERS[thing](scene)
+        add_surroundings(scene, blueprint.camera)
         model = self._mujoco.MjModel.from_xml_string(scene.xml(), scene.textures)
         resources = self._mujoco.MjrContext(model, self._mujoco.mjtFontScale.mjFONTSCALE_50)
         try:
@@ -120,7 +136,7 @@ class SceneRenderer:
         for is_positive in (True, False):
             model.light_diffuse[:] = lights
             facts = blueprint.pose(stage, is_positive)
-            pixels = self._draw(stage, camera, resources)
+            pixels = draw(self._mujoco, stage.model, stage.data, camera, resources, self.size)
             pictures.append(Picture(photograph(pixels, rng), thing, is_positive, facts))
             if rng.random() < 0.4:
                 camera = self._camera(blueprint.camera, rng)
@@ -136,22 +152,6 @@ class SceneRenderer:
         camera.lookat[:] = np.array(where.target) + rng.normal(0, 0.04, 3) * where.distance[0]
         return camera
 
-    def _draw(self, stage: Stage, camera: Any, resources: Any) -> NDArray[np.uint8]:
-        mujoco, model, data = self._mujoco, stage.model, stage.data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_camlight(model, data)
-        scene = mujoco.MjvScene(model, maxgeom=1000)
-        everything = mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(
-            model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), camera, everything, scene
-        )
-        view = mujoco.MjrRect(0, 0, self.size, self.size)
-        pixels = np.empty((self.size, self.size, 3), np.uint8)
-        mujoco.mjr_render(view, scene, resources)
-        mujoco.mjr_readPixels(pixels, None, view, resources)
-        # OpenGL counts rows from below.
-        return pixels[::-1]
-
 
 def render_scene(
     thing: str, split: Split, seed: int, *, size: int = 256, n_views: int = 1
@@ -165,7 +165,31 @@ def render_scene(
         return renderer.render(thing, split, seed, n_views)
 
 
-def _import_mujoco() -> Any:
+def draw(
+    mujoco: Any,
+    model: Any,
+    data: Any,
+    camera: Any,
+    resources: Any,
+    size: int,
+    options: Any = None,
+) -> NDArray[np.uint8]:
+    """What the camera sees: RGB of shape (size, size, 3). `options` says what is visible."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    scene = mujoco.MjvScene(model, maxgeom=2000)
+    visible = mujoco.MjvOption() if options is None else options
+    everything = mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(model, data, visible, mujoco.MjvPerturb(), camera, everything, scene)
+    view = mujoco.MjrRect(0, 0, size, size)
+    pixels = np.empty((size, size, 3), np.uint8)
+    mujoco.mjr_render(view, scene, resources)
+    mujoco.mjr_readPixels(pixels, None, view, resources)
+    # OpenGL counts rows from below.
+    return pixels[::-1]
+
+
+def import_mujoco() -> Any:
     """Import mujoco, with software drawing on a Linux machine that has no screen.
 
     MuJoCo reads the choice from the environment when it is imported, and at no other time.

@@ -5,9 +5,9 @@ from enum import StrEnum
 
 import numpy as np
 
-__all__ = ["THINGS", "Split", "scene_generator"]
+__all__ = ["PAPER_THINGS", "THINGS", "Split", "scene_generator"]
 
-#: The ten things of the paper (section III), in its order.
+#: The ten things of the paper (section III), in its order, then seven that it does not have.
 THINGS = (
     "door",
     "elevator",
@@ -19,7 +19,17 @@ THINGS = (
     "display",
     "handbag",
     "water",
+    "drawer",
+    "window",
+    "curtain",
+    "laptop",
+    "box_lid",
+    "gate",
+    "oven",
 )
+
+#: The ten of the paper.
+PAPER_THINGS = THINGS[:10]
 
 
 class Split(StrEnum):

@@ -6,7 +6,7 @@ import numpy as np
 
 from vqa_state.embedded.scenes.builder import SceneBuilder, Vector
 from vqa_state.embedded.scenes.parts import add_clutter, add_room
-from vqa_state.embedded.scenes.stage import Blueprint, CameraRange, Facts, Stage
+from vqa_state.embedded.scenes.stage import Blueprint, CameraRange, Facts, Pose, Stage
 
 __all__ = ["build_water"]
 
@@ -28,14 +28,19 @@ def build_water(scene: SceneBuilder) -> Blueprint:
         water = scene.material("white", alpha=0.4)
         scene.box((0, 0, level), (width - 0.01, depth - 0.01, 0.004), water)
     with scene.body((0, 0, 0), '<joint name="stream" type="slide" axis="0 0 1"/>'):
-        _add_stream(scene, outlet, level)
+        strength = _add_stream(scene, outlet, level)
     target = (outlet[0], outlet[1], (counter + outlet[2] - bowl) / 2)
-    return Blueprint(_turn_tap, CameraRange(target, (55, 125), (-35, -8), (0.45, 0.9)))
+    return Blueprint(_turn_tap(strength), CameraRange(target, (55, 125), (-35, -8), (0.45, 0.9)))
 
 
-def _turn_tap(stage: Stage, runs: bool) -> Facts:
-    stage.move("stream", 0.0 if runs else -50.0)
-    return {"stream": runs, "splash": runs, "dry_outlet": not runs}
+def _turn_tap(strength: float) -> Pose:
+    """A pose that leaves the stream where it is, or takes it far away."""
+
+    def pose(stage: Stage, runs: bool) -> Facts:
+        stage.move("stream", 0.0 if runs else -50.0)
+        return {"degree": strength if runs else 0.0, "splash": float(runs)}
+
+    return pose
 
 
 def _add_sink(scene: SceneBuilder, width: float, depth: float, bowl: float, counter: float) -> None:
@@ -82,10 +87,11 @@ def _add_faucet(scene: SceneBuilder, depth: float, counter: float) -> Vector:
     return x, end, outlet
 
 
-def _add_stream(scene: SceneBuilder, outlet: Vector, level: float) -> None:
-    """A column that wavers and narrows, rings where it lands, drops around it."""
+def _add_stream(scene: SceneBuilder, outlet: Vector, level: float) -> float:
+    """A column that wavers and narrows, rings where it lands, drops; returns its strength."""
     water = scene.material("white", alpha=scene.uniform(0.5, 0.9), glow=scene.uniform(0.05, 0.4))
-    radius, n_parts = scene.uniform(0.007, 0.015), 6
+    strength, n_parts = scene.uniform(0.2, 1), 6
+    radius = 0.005 + 0.011 * strength
     x, y, top = outlet
     last = outlet
     for part in range(1, n_parts + 1):
@@ -107,3 +113,4 @@ def _add_stream(scene: SceneBuilder, outlet: Vector, level: float) -> None:
             level + scene.uniform(0.005, 0.05),
         )
         scene.geom("sphere", (scene.uniform(0.002, 0.006),), water, at=place)
+    return strength

@@ -8,9 +8,11 @@ import numpy as np
 
 __all__ = ["Blueprint", "CameraRange", "Facts", "Pose", "Stage"]
 
-#: What the builder of a scene knows about one picture, e.g. {"wide_open": True}. Facts differ in
-#: what must be looked at, so they can be asked as questions of their own.
-Facts = Mapping[str, bool]
+#: What the builder of a scene knows about one picture, each in [0, 1], e.g. {"degree": 0.4,
+#: "flush": 0.0}. Facts differ in what must be looked at, so they can be asked as questions of their
+#: own. "degree" is how far something is open, or how strongly it shines or flows; 0 is the negative
+#: state.
+Facts = Mapping[str, float]
 
 #: Puts a stage into the positive (True) or the negative state and says what is now to be seen.
 Pose = Callable[["Stage", bool], Facts]
@@ -52,6 +54,12 @@ class Stage:
         """True with the given probability."""
         return bool(self.rng.random() < probability)
 
+    def degree(self, is_positive: bool) -> float:
+        """How far the positive state goes, in [0, 1]: one in six is only a little open."""
+        if not is_positive:
+            return 0.0
+        return self.uniform(0.12, 0.3) if self.chance(1 / 6) else self.uniform(0.3, 1)
+
     def move(self, joint: str, value: float) -> None:
         """Set a hinge (radians) or a slide (metres)."""
         self.data.qpos[self.model.jnt_qposadr[self.model.joint(joint).id]] = value
@@ -61,6 +69,10 @@ class Stage:
         index = self.model.material(material).id
         self.model.mat_rgba[index, :3] = colour
         self.model.mat_emission[index] = emission
+
+    def glow(self, material: str, emission: float) -> None:
+        """Give a material a glow in [0, 1] and leave its colour or picture."""
+        self.model.mat_emission[self.model.material(material).id] = emission
 
     def light(self, name: str, colour: tuple[float, float, float]) -> None:
         """Set the diffuse RGB of one lamp; black is off."""
