@@ -1,0 +1,1 @@
+"""The paper's eleven experiments on the sample projects, beside the paper's own numbers."""

@@ -1,0 +1,114 @@
+"""Runs the sample projects through asking and searching, on copies; a stop loses nothing."""
+
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from vqa_state.asking import AskProgress, ask
+from vqa_state.errors import ProjectError
+from vqa_state.models.base import VQAModel
+from vqa_state.project import Project
+from vqa_state.tuning import OptimizeProgress, Results, optimize, results
+
+__all__ = ["Finished", "Step", "copy_projects", "run"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finished:
+    """One experiment that came to its end."""
+
+    project: Project
+    results: Results
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Where the whole run stands.
+
+    Attributes:
+        experiment: which is running; `number` of `total` from 1.
+        progress: of its asking or its searching, or what it gave.
+    """
+
+    experiment: str
+    number: int
+    total: int
+    progress: AskProgress | OptimizeProgress | Finished
+
+
+def copy_projects(source: Path, out: Path, names: Sequence[str]) -> list[Path]:
+    """Copy projects below `out`, without answers; one that is there already is kept.
+
+    Raises:
+        ProjectError: if a project is missing or cannot be copied.
+    """
+    folders = []
+    for name in names:
+        folder = out / name
+        if not (folder / "project.json").exists():
+            Project.open(source / name)  # says what is wrong with it before anything is copied
+            unfinished = out / f".{name}.part"
+            try:
+                shutil.rmtree(unfinished, ignore_errors=True)
+                (unfinished / "images").parent.mkdir(parents=True, exist_ok=True)
+                shutil.copytree(source / name / "images", unfinished / "images")
+                shutil.copy(source / name / "project.json", unfinished)
+                unfinished.rename(folder)
+            except OSError as error:
+                raise ProjectError(
+                    f"cannot copy {source / name} to {folder} ({error.strerror}); free some space "
+                    "or choose another folder with --out"
+                ) from error
+        folders.append(folder)
+    return folders
+
+
+def run(
+    folders: Sequence[Path],
+    model: VQAModel,
+    seed: int,
+    stop: Callable[[], bool] = lambda: False,
+) -> Iterator[Step]:
+    """Ask and search one project after another; each ends with a `Finished`.
+
+    Answers are stored as they come, and a search that is on disk for the same answers and seed is
+    not run again, so a stopped run goes on where it was.
+
+    Raises:
+        ModelError: if the model cannot answer.
+        ProjectError: if a project is damaged, or the disk is full.
+        NothingToSearchError: if answers are missing in the end.
+    """
+    for number, folder in enumerate(folders, 1):
+        project = Project.open(folder)
+        project.model, project.fingerprint = model.name, model.fingerprint
+        project.search_seed = seed
+        project.save()
+        for progress in _progress(project, model, stop):
+            yield Step(folder.name, number, len(folders), progress)
+            if stop():
+                return
+        found = results(project)
+        assert found is not None  # noqa: S101  # it was searched just now, for these answers
+        yield Step(folder.name, number, len(folders), Finished(project, found))
+
+
+def _progress(
+    project: Project, model: VQAModel, stop: Callable[[], bool]
+) -> Iterator[AskProgress | OptimizeProgress]:
+    yield from ask(project, model, stop)
+    if not _is_searched(project):
+        yield from optimize(project, stop)
+
+
+def _is_searched(project: Project) -> bool:
+    """Whether all searches ran to their end for these answers, this seed and these settings."""
+    found = results(project)
+    return found is not None and all(
+        one.finished
+        and one.seed == project.search_seed
+        and one.settings == project.search
+        and one.weights == project.weights
+        for one in found.searches.values()
+    )
