@@ -47,6 +47,11 @@ class VQAModel(Protocol):
         """
         ...
 
+    @property
+    def notes(self) -> Sequence[str]:
+        """What a user should know of it here, in sentences: device, precision, a slower way."""
+        ...
+
     def answer(self, images: Sequence[Image], questions: Sequence[str]) -> Iterator[Reply]:
         """Ask every question about every image.
 

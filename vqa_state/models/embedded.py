@@ -21,6 +21,7 @@ class EmbeddedModel:
     """
 
     name = "embedded"
+    notes = ("It runs on the processor in float32.",)
 
     def __init__(self, weights: Path | None = None) -> None:
         """Load the shipped weights, or those at another path.

@@ -18,6 +18,7 @@ class ScriptedModel:
     Attributes:
         name: under which a test may register it.
         fingerprint: give two scripts two fingerprints, or one's answers pass for the other's.
+        notes: what a user should know of it; nothing.
         asked: every (image size, question) pair, in order.
     """
 
@@ -26,6 +27,7 @@ class ScriptedModel:
     ) -> None:
         self.name = name
         self.fingerprint = fingerprint
+        self.notes: tuple[str, ...] = ()
         self.asked: list[tuple[tuple[int, int], str]] = []
         self._script = script
 
