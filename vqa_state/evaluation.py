@@ -7,6 +7,7 @@ Source: paper II-B (baselines) and III (tables); the intervals, the paired test 
 single question are additions of this project.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.answers import AnswerTable
+from vqa_state.comparing import PairedTest, mcnemar
 from vqa_state.errors import NothingToSearchError
 from vqa_state.questions import Form, Question
 from vqa_state.scores import Counts, Objective, SubsetScore, count, score
@@ -29,6 +31,7 @@ __all__ = [
     "Row",
     "best_question",
     "evaluate",
+    "exact_interval",
     "paired_test",
 ]
 
@@ -200,36 +203,27 @@ def best_question(counts: Counts) -> int:
     return min(range(counts.n_questions), key=badness)
 
 
-@dataclass(frozen=True, slots=True)
-class PairedTest:
-    """Two subsets on the same images; only images that one of them alone recognizes count.
-
-    Attributes:
-        n_only_first: images that only the first recognizes.
-        n_only_second: images that only the second recognizes.
-        p_value: exact, two-sided (McNemar's test); 1 if they never differ.
-    """
-
-    n_only_first: int
-    n_only_second: int
-    p_value: float
-
-
 def paired_test(first: SubsetScore, second: SubsetScore) -> PairedTest:
     """Whether two subsets recognize the same images equally often.
 
     Raises:
         ValueError: if the scores are of different numbers of images.
     """
+    return mcnemar(first.recognized, second.recognized)
+
+
+def exact_interval(n_recognized: int, n_images: int) -> Interval:
+    """Clopper and Pearson's exact 95 % interval of a share; NaN to NaN without images.
+
+    Raises:
+        ValueError: if `n_recognized` is not from 0 to `n_images`.
+    """
     from scipy.stats import binomtest  # takes half a second to import
 
-    if first.n_images != second.n_images:
-        raise ValueError(f"need the same images, got {first.n_images} and {second.n_images}")
-    only_first = int(np.count_nonzero(first.recognized & ~second.recognized))
-    only_second = int(np.count_nonzero(second.recognized & ~first.recognized))
-    differing = only_first + only_second
-    p_value = float(binomtest(only_first, differing).pvalue) if differing else 1.0
-    return PairedTest(only_first, only_second, p_value)
+    if n_images == 0 == n_recognized:
+        return Interval(math.nan, math.nan)
+    exact = binomtest(n_recognized, n_images).proportion_ci(CONFIDENCE, "exact")
+    return Interval(float(exact.low), float(exact.high))
 
 
 def _subsets(
@@ -268,13 +262,10 @@ def _resamples(n_images: int, seed: int) -> NDArray[np.intp]:
 
 
 def _intervals(result: SubsetScore, resamples: NDArray[np.intp]) -> Intervals:
-    from scipy.stats import binomtest  # takes half a second to import
-
-    exact = binomtest(result.n_recognized, result.n_images).proportion_ci(CONFIDENCE, "exact")
     asked = result.correct + result.wrong + result.invalid
     invalid = result.invalid / asked if result.n_used else np.full(result.n_images, np.nan)
     return Intervals(
-        R_img=Interval(float(exact.low), float(exact.high)),
+        R_img=exact_interval(result.n_recognized, result.n_images),
         R_ave=_bootstrap(np.nan_to_num(result.r_correct), resamples),
         R_invalid=_bootstrap(invalid, resamples),
     )
