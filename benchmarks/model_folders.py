@@ -91,7 +91,8 @@ def build_vilt(folder: Path, real: bool = False, seed: int = 0) -> Path:
     model = _made(ViltForQuestionAnswering, config)
     _spread(model, seed)
     images = ViltImageProcessorPil(size={"shortest_edge": side}, size_divisor=patch)
-    return _saved(folder, model, ViltProcessor(images, tokenizer))
+    kind: Any = ViltProcessor
+    return _saved(folder, model, kind(images, tokenizer))
 
 
 _CHAT_TOKENS = (
@@ -137,7 +138,8 @@ def build_idefics3(folder: Path, real: bool = False, seed: int = 0) -> Path:
     }
     side, shuffled = (512, 4) if real else (64, 2)
     vision = _transformer(768, 12, 12) if real else _transformer(32, 2, 4)
-    config = Idefics3Config(
+    kind: Any = Idefics3Config
+    config = kind(
         text_config=text,
         vision_config=vision | {"image_size": side, "patch_size": 16},
         image_token_id=tokenizer.convert_tokens_to_ids("<image>"),
@@ -194,8 +196,10 @@ def _spread(model: "nn.Module", seed: int) -> None:
 
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
+        norms = [module for module in model.modules() if "Norm" in type(module).__name__]
+        kept = {weight for norm in norms for weight in norm.parameters()}
         for name, weight in model.named_parameters():
-            if "norm" in name.lower():
+            if weight in kept:
                 continue
             if weight.ndim < 2:
                 nn.init.normal_(weight, std=0.1, generator=generator)
@@ -217,7 +221,7 @@ def _favour(bias: "Tensor", answers: Sequence[int], end: int) -> None:
     import torch
 
     with torch.no_grad():
-        bias.fill_(-1000.0)
+        bias.fill_(-30.0)
         bias[list(answers)] = 0.0
         bias[list(answers[:2])] = 2.0
         bias[end] = 3.0
@@ -259,6 +263,7 @@ def _bpe_tokenizer() -> Any:
     from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
     from transformers import PreTrainedTokenizerFast
 
+    kind: Any = PreTrainedTokenizerFast
     bare = Tokenizer(models.BPE())
     bare.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
     bare.decoder = decoders.ByteLevel()
@@ -271,13 +276,13 @@ def _bpe_tokenizer() -> Any:
     words = [spelling for word in _ANSWERS for spelling in (word, word.capitalize(), word.upper())]
     lines = [*_SENTENCES, *words, *(f" {word}" for word in words), "User Assistant System"]
     bare.train_from_iterator(lines * 4, trainer)
-    return PreTrainedTokenizerFast(
+    return kind(
         tokenizer_object=bare,
         additional_special_tokens=list(_CHAT_TOKENS),
         padding_side="left",
-        bos_token="<|im_start|>",
-        eos_token="<end_of_utterance>",
-        pad_token="<|im_end|>",
+        bos_token="<|im_start|>",  # noqa: S106  # no password
+        eos_token="<end_of_utterance>",  # noqa: S106
+        pad_token="<|im_end|>",  # noqa: S106
     )
 
 

@@ -1,0 +1,175 @@
+"""ViLT for question answering: a classifier of answers, its image embedded once."""
+
+from collections.abc import Sequence
+from math import ceil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PIL.Image import Image
+
+from vqa_state.answers import Answer
+from vqa_state.models.address import Device
+from vqa_state.models.runtime import Runtime
+from vqa_state.models.torch_images import Said, TorchImageModel, fingerprint_of
+from vqa_state.models.torch_loading import Parts, load_parts
+from vqa_state.models.yes_no import YesNoTokens
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+__all__ = ["ViltModel"]
+
+#: Changes whenever code changes an answer that nothing else in the fingerprint tells.
+_VERSION = 1
+
+#: The longer side of a resized image is at most this many times the shorter one's target.
+#: Source: transformers, `image_processing_pil_vilt.py`, MAX_LONGER_EDGE / MAX_SHORTER_EDGE.
+_LONGER = 1333 / 800
+
+
+class ViltModel(TorchImageModel):
+    """Answers with the likeliest of its labels. May be shared by threads.
+
+    Source: W. Kim, B. Son, I. Kim, "ViLT: Vision-and-Language Transformer Without Convolution or
+    Region Supervision", ICML 2021, arXiv 2102.03334.
+    """
+
+    def __init__(self, folder: Path, name: str, runtime: Runtime, prompt: str = "") -> None:
+        """Load a model.
+
+        Args:
+            folder: that holds config.json, the weights and the processor's files.
+            name: the model's address.
+            runtime: what it runs on, in what numbers.
+            prompt: a template with "{question}" once, or "" for the bare question.
+
+        Raises:
+            ModelError: if the folder is damaged.
+        """
+        template = prompt or "{question}"
+        network = _Vilt(load_parts(folder, "ViltForQuestionAnswering", runtime), runtime, template)
+        fingerprint = fingerprint_of(
+            f"vilt {_VERSION}", folder, runtime, template, "likeliest label"
+        )
+        super().__init__(network, name, runtime, fingerprint)
+
+
+class _Vilt:
+    """The network, with the patches of an image embedded once.
+
+    It mixes image and question in every layer, so nothing later than the patches can be kept. The
+    last layer is needed for the one token that is classified, and is calculated for it alone.
+    """
+
+    def __init__(self, parts: Parts, runtime: Runtime, template: str) -> None:
+        # A processor gains nothing from more rows, and each costs as much as a question.
+        self.n_rows = 1 if runtime.device is Device.CPU else 32
+        self.max_tokens: int = parts.model.config.max_position_embeddings
+        self._parts = parts
+        self._runtime = runtime
+        self._template = template
+        self._embeddings = parts.model.vilt.embeddings
+        self._labels: dict[int, str] = dict(parts.model.config.id2label)
+        self._yes_no = YesNoTokens(_named(self._labels, "yes"), _named(self._labels, "no"))
+
+    def read(self, question: str) -> list[int]:
+        text = self._template.replace("{question}", question)
+        return list(self._parts.tokenizer(text, verbose=False).input_ids)
+
+    def see(self, images: Sequence[Image]) -> list["Tensor"]:
+        """For each image the embedded patches, (1, 1 + n_patches, width)."""
+        import torch
+
+        with torch.inference_mode():
+            return [self._embedded(self._pixels(image)) for image in images]
+
+    def say(self, seen: "Tensor", tokens: "Tensor") -> list[Said]:
+        import torch
+
+        vilt = self._parts.model.vilt
+        with torch.inference_mode():
+            tokens = tokens.to(str(self._runtime.device))
+            text = self._embeddings.text_embeddings(input_ids=tokens) + self._kind(0)
+            states = torch.cat([text, seen.expand(len(tokens), -1, -1)], dim=1)
+            for layer in vilt.encoder.layer[:-1]:
+                states = layer(states)[0]
+            first = _first_of(vilt.encoder.layer[-1], states)  # (n_rows, 1, width)
+            logits = self._parts.model.classifier(vilt.pooler(vilt.layernorm(first))).float().cpu()
+        best = logits.argmax(dim=-1).tolist()
+        return [Said((number,), row) for number, row in zip(best, logits, strict=True)]
+
+    def answer(self, said: Said) -> Answer:
+        return Answer(self._labels[said.tokens[0]], self._yes_no.p_yes(said.logits[None])[0])
+
+    def _pixels(self, image: Image) -> "Tensor":
+        prepared = self._parts.images(images=self._not_too_thin(image), return_tensors="pt")
+        pixels: Tensor = prepared.pixel_values
+        return pixels.to(str(self._runtime.device), self._runtime.dtype)
+
+    def _not_too_thin(self, image: Image) -> Image:
+        """The processor keeps proportions and would leave a strip without a single patch."""
+        images = self._parts.images
+        most = int(_LONGER * images.size["shortest_edge"]) / images.size_divisor
+        at_least = ceil(max(image.size) / most)
+        width, height = (max(side, at_least) for side in image.size)
+        return image if (width, height) == image.size else image.resize((width, height))
+
+    def _embedded(self, pixels: "Tensor") -> "Tensor":
+        """(1, 3, height, width) → (1, 1 + n_patches, width), the patches row by row.
+
+        The library's own way shuffles them by torch's global random numbers. Their order changes
+        nothing, but the global state would.
+        """
+        import torch
+        from torch.nn.functional import interpolate
+
+        own = self._embeddings
+        patches = own.patch_embeddings(pixels)  # (1, width, n_down, n_across)
+        trained = own.position_embeddings[:, 1:].transpose(1, 2)
+        side = own.config.image_size // own.config.patch_size
+        places = interpolate(
+            trained.unflatten(-1, (side, side)),
+            size=patches.shape[2:],
+            mode="bilinear",
+            align_corners=True,
+        )
+        tokens = (patches + places).flatten(2).transpose(1, 2)
+        tokens = self._few_enough(tokens)
+        whole = own.cls_token + own.position_embeddings[:, :1]
+        return torch.cat([whole, tokens], dim=1) + self._kind(1)
+
+    def _few_enough(self, tokens: "Tensor") -> "Tensor":
+        """A checkpoint may limit the patches; the library picks at random, we pick evenly."""
+        import torch
+
+        most = self._embeddings.config.max_image_length
+        n = tokens.shape[1]
+        if not isinstance(most, int) or most < 0 or n <= most:
+            return tokens
+        return tokens[:, torch.arange(most, device=tokens.device) * n // most]
+
+    def _kind(self, number: int) -> "Tensor":
+        """What marks text (0) and image (1)."""
+        kind: Tensor = self._embeddings.token_type_embeddings.weight[number]
+        return kind
+
+
+def _named(labels: dict[int, str], word: str) -> tuple[int, ...]:
+    return tuple(number for number, label in labels.items() if label.strip().lower() == word)
+
+
+def _first_of(layer: Any, states: "Tensor") -> "Tensor":
+    """The first token after a layer, (n, 1, width), without what only the others need."""
+    from torch.nn.functional import scaled_dot_product_attention
+
+    inner = layer.attention.attention
+    normed = layer.layernorm_before(states)
+    queries, keys, values = (
+        projected.unflatten(-1, (inner.num_attention_heads, -1)).transpose(1, 2)
+        for projected in (inner.query(normed[:, :1]), inner.key(normed), inner.value(normed))
+    )
+    found = scaled_dot_product_attention(queries, keys, values)  # (n, n_heads, 1, head_width)
+    first = states[:, :1] + layer.attention.output(found.transpose(1, 2).flatten(2), states)
+    inside = layer.intermediate(layer.layernorm_after(first))
+    last: Tensor = layer.output(inside, first)
+    return last
