@@ -1,0 +1,1 @@
+"""How the answers about an image become one vote: the paper's way, and ways learned from labels."""
