@@ -60,10 +60,9 @@ def build_blip(folder: Path, real: bool = False, seed: int = 0) -> Path:
     _spread(model, seed)
     head = model.text_decoder.cls.predictions
     _favour(head.bias, [tokenizer.convert_tokens_to_ids(word) for word in _ANSWERS], _SEP)
-    processor = BlipProcessor(
-        BlipImageProcessorPil(size={"height": side, "width": side}), tokenizer
-    )
-    return _saved(folder, model, processor)
+    images = BlipImageProcessorPil(size={"height": side, "width": side})
+    kind: Any = BlipProcessor
+    return _saved(folder, model, kind(images, tokenizer))
 
 
 def build_vilt(folder: Path, real: bool = False, seed: int = 0) -> Path:
@@ -90,8 +89,9 @@ def build_vilt(folder: Path, real: bool = False, seed: int = 0) -> Path:
     )
     model = _made(ViltForQuestionAnswering, config)
     _spread(model, seed)
-    images = ViltImageProcessorPil(size={"shortest_edge": side}, size_divisor=patch)
+    prepares: Any = ViltImageProcessorPil
     kind: Any = ViltProcessor
+    images = prepares(size={"shortest_edge": side}, size_divisor=patch)
     return _saved(folder, model, kind(images, tokenizer))
 
 

@@ -1,15 +1,14 @@
 """Tiny model folders with random weights, each made once a test session."""
 
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
-
-from benchmarks import model_folders
+from shutil import rmtree
+from tempfile import mkdtemp
+from weakref import finalize
 
 __all__ = ["tiny_folder"]
-
-_HERE = TemporaryDirectory(prefix="tiny_models_")
 
 
 @cache
@@ -18,5 +17,20 @@ def tiny_folder(family: str, seed: int = 0) -> Path:
 
     It goes away with the process.
     """
-    build: Callable[..., Path] = getattr(model_folders, f"build_{family}")
-    return build(Path(_HERE.name) / f"{family}_{seed}", seed=seed)
+    return _builder(family)(_home() / f"{family}_{seed}", seed=seed)
+
+
+@cache
+def _home() -> Path:
+    home = mkdtemp(prefix="tiny_models_")
+    finalize(tiny_folder, rmtree, home, ignore_errors=True)
+    return Path(home)
+
+
+def _builder(family: str) -> Callable[..., Path]:
+    root = str(Path(__file__).parents[1])
+    if root not in sys.path:
+        sys.path.append(root)
+    from benchmarks import model_folders
+
+    return getattr(model_folders, f"build_{family}")
