@@ -53,6 +53,7 @@ class Handler(BaseHTTPRequestHandler):
     """Hands every request to the server's script; None means that the script sent all itself."""
 
     protocol_version = "HTTP/1.1"
+    disable_nagle_algorithm = True  # or each answer waits 40 ms for the system
 
     def log_message(self, *args):
         pass
@@ -107,15 +108,16 @@ class Stub:
         most_at_once: requests that were open together, at most.
     """
 
-    def __init__(self, script: Script = good) -> None:
+    def __init__(self, script: Script = good, port: int = 0) -> None:
         self.script = script
+        self.port = port
         self.calls: list[Call] = []
         self.most_at_once = 0
         self._open = 0
         self._lock = threading.Lock()
 
     def __enter__(self) -> "Stub":
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._server = ThreadingHTTPServer(("127.0.0.1", self.port), Handler)
         self._server.daemon_threads = True
         self._server.block_on_close = False
         self._server.handle_error = lambda *args: None

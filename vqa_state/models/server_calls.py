@@ -147,16 +147,20 @@ class Caller:
     async def _call(
         self, client: "AsyncOpenAI", content: list[dict[str, Any]], dialect: _Dialect
     ) -> Answer | Fault:
+        import httpx2
         import openai
 
-        create: Any = client.chat.completions.with_raw_response.create
+        body = {
+            "model": self._model,
+            "messages": [{"role": "user", "content": content}],
+            "temperature": 0,
+            **dialect.parameters(),
+        }
         try:
             async with asyncio.timeout(self._budget.deadline_seconds):
-                raw = await create(
-                    model=self._model,
-                    messages=[{"role": "user", "content": content}],
-                    temperature=0,
-                    **dialect.parameters(),
+                # Not `chat.completions.create`: it takes a web page for an answer.
+                response = await client.post(
+                    "/chat/completions", body=body, cast_to=httpx2.Response
                 )
         except (TimeoutError, openai.APITimeoutError):
             return self._silence()
@@ -164,8 +168,7 @@ class Caller:
             return status_fault(error, self._url, self._model, self._key)
         except openai.APIConnectionError as error:
             return connection_fault(error, self._url)
-        body = raw.http_response.content.decode("utf-8", "replace")
-        return read_reply(body, self._url, self._key)
+        return read_reply(response.content.decode("utf-8", "replace"), self._url, self._key)
 
     def _learn(self, dialect: _Dialect) -> None:
         self._dialect, self._is_dialect_known = dialect, True
