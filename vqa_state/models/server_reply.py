@@ -116,6 +116,6 @@ def _pair(entry: Any) -> tuple[str, float] | None:
     token, value = entry.get("token"), entry.get("logprob")
     if not isinstance(token, str) or isinstance(value, bool):
         return None
-    if not isinstance(value, int | float) or math.isnan(value) or value > 1e-3:
+    if not isinstance(value, int | float) or not value <= 1e-3:  # NaN, too
         return None
     return token.strip(_SPACES).lower(), math.exp(max(value, -1e4))
