@@ -122,7 +122,7 @@ def test_without_a_label_no_nobody_knows_how_sure_it_is(tmp_path):
 def test_where_patches_are_limited_the_same_ones_are_taken_each_time(tmp_path):
     model = changed(tmp_path, max_image_length=7)
     images = [draw(0, (64, 64)), draw(1, (64, 90))]
-    assert [seen.shape[1] for seen in model._network.see(images)] == [8, 8]
+    assert [seen.shape[1] for seen, _ in model._network.see(images)] == [8, 8]
     first = [said.logits for _, _, said in model.generations(images, QUESTIONS[:3])]
     again = [said.logits for _, _, said in model.generations(images, QUESTIONS[:3])]
     assert all(torch.equal(one, other) for one, other in zip(first, again, strict=True))

@@ -22,6 +22,9 @@ __all__ = ["ViltModel"]
 #: Changes whenever code changes an answer that nothing else in the fingerprint tells.
 _VERSION = 1
 
+#: An image, embedded, (1, 1 + n_patches, width), and its queries, keys, values in the first layer.
+_Seen = tuple["Tensor", tuple["Tensor", "Tensor", "Tensor"]]
+
 #: The longer side of a resized image is at most this many times the shorter one's target.
 #: Source: transformers, `image_processing_pil_vilt.py`, MAX_LONGER_EDGE / MAX_SHORTER_EDGE.
 _LONGER = 1333 / 800
@@ -57,8 +60,9 @@ class ViltModel(TorchImageModel):
 class _Vilt:
     """The network, with the patches of an image embedded once.
 
-    It mixes image and question in every layer, so nothing later than the patches can be kept. The
-    last layer is needed for the one token that is classified, and is calculated for it alone.
+    It mixes image and question from the first layer on, so nothing later than what the image
+    brings to that can be kept. The last layer is needed for the one token that is classified, and
+    is calculated for it alone.
     """
 
     def __init__(self, parts: Parts, runtime: Runtime, template: str) -> None:
@@ -69,6 +73,8 @@ class _Vilt:
         self._runtime = runtime
         self._template = template
         self._embeddings = parts.model.vilt.embeddings
+        self._layers = parts.model.vilt.encoder.layer
+        self._last = len(self._layers) - 1
         self._labels: dict[int, str] = dict(parts.model.config.id2label)
         self._yes_no = YesNoTokens(_named(self._labels, "yes"), _named(self._labels, "no"))
 
@@ -76,27 +82,42 @@ class _Vilt:
         text = self._template.replace("{question}", question)
         return list(self._parts.tokenizer(text, verbose=False).input_ids)
 
-    def see(self, images: Sequence[Image]) -> list["Tensor"]:
-        """For each image the embedded patches, (1, 1 + n_patches, width)."""
+    def see(self, images: Sequence[Image]) -> list[_Seen]:
         import torch
 
         with torch.inference_mode():
-            return [self._embedded(self._pixels(image)) for image in images]
+            embedded = [self._embedded(self._pixels(image)) for image in images]
+            return [(states, _projected(self._layers[0], states)) for states in embedded]
 
-    def say(self, seen: "Tensor", tokens: "Tensor") -> list[Said]:
+    def say(self, seen: _Seen, tokens: "Tensor") -> list[Said]:
         import torch
 
-        vilt = self._parts.model.vilt
         with torch.inference_mode():
-            tokens = tokens.to(str(self._runtime.device))
-            text = self._embeddings.text_embeddings(input_ids=tokens) + self._kind(0)
-            states = torch.cat([text, seen.expand(len(tokens), -1, -1)], dim=1)
-            for layer in vilt.encoder.layer[:-1]:
-                states = layer(states)[0]
-            first = _first_of(vilt.encoder.layer[-1], states)  # (n_rows, 1, width)
-            logits = self._parts.model.classifier(vilt.pooler(vilt.layernorm(first))).float().cpu()
+            first = self._mixed(seen, tokens.to(str(self._runtime.device)))
+            vilt = self._parts.model.vilt
+            pooled = vilt.pooler(vilt.layernorm(first))
+            logits = self._parts.model.classifier(pooled).float().cpu()  # (n_rows, n_labels)
         best = logits.argmax(dim=-1).tolist()
         return [Said((number,), row) for number, row in zip(best, logits, strict=True)]
+
+    def _mixed(self, seen: _Seen, tokens: "Tensor") -> "Tensor":
+        """(n_rows, length) tokens → (n_rows, 1, width) the classified token after all layers."""
+        import torch
+
+        image, of_image = seen
+        text = self._embeddings.text_embeddings(input_ids=tokens) + self._kind(0)
+        both = [text, *_projected(self._layers[0], text)], [image, *of_image]
+        states, *projected = (
+            torch.cat([own, other.expand(len(tokens), -1, -1)], dim=1)
+            for own, other in zip(*both, strict=True)
+        )
+        for number, layer in enumerate(self._layers):
+            if number > 0:
+                projected = list(_projected(layer, states, number == self._last))
+            if number == self._last:
+                states, projected[0] = states[:, :1], projected[0][:, :1]
+            states = _after(layer, states, *projected)
+        return states
 
     def answer(self, said: Said) -> Answer:
         return Answer(self._labels[said.tokens[0]], self._yes_no.p_yes(said.logits[None])[0])
@@ -152,6 +173,36 @@ class _Vilt:
         """What marks text (0) and image (1)."""
         kind: Tensor = self._embeddings.token_type_embeddings.weight[number]
         return kind
+
+
+def _named(labels: dict[int, str], word: str) -> tuple[int, ...]:
+    return tuple(number for number, label in labels.items() if label.strip().lower() == word)
+
+
+def _projected(
+    layer: Any, states: "Tensor", only_first: bool = False
+) -> tuple["Tensor", "Tensor", "Tensor"]:
+    """Queries (of the first token only, if so), keys and values, each (n, length, width)."""
+    attention, normed = layer.attention.attention, layer.layernorm_before(states)
+    asking = normed[:, :1] if only_first else normed
+    return attention.query(asking), attention.key(normed), attention.value(normed)
+
+
+def _after(
+    layer: Any, states: "Tensor", queries: "Tensor", keys: "Tensor", values: "Tensor"
+) -> "Tensor":
+    """States after a layer; there are as many queries as states."""
+    from torch.nn.functional import scaled_dot_product_attention
+
+    n_heads = layer.attention.attention.num_attention_heads
+    split: Any = [
+        one.unflatten(-1, (n_heads, -1)).transpose(1, 2) for one in (queries, keys, values)
+    ]
+    found = scaled_dot_product_attention(*split).transpose(1, 2).flatten(2)
+    states = states + layer.attention.output(found, states)
+    inside = layer.intermediate(layer.layernorm_after(states))
+    after: Tensor = layer.output(inside, states)
+    return after
 
 
 def _named(labels: dict[int, str], word: str) -> tuple[int, ...]:
