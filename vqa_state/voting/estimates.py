@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 __all__ = ["Estimate", "estimate", "known_mean", "optimism_warning"]
 
 _CONFIDENCE = 0.95
+_EXACT = 1e-9
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +70,7 @@ def optimism_warning(train_share: float, estimate: Estimate, n_images: int) -> s
         n_images: training images.
     """
     excess = train_share - estimate.share
-    if math.isnan(excess) or excess <= max(1 / n_images, estimate.standard_error):
+    if math.isnan(excess) or excess <= max(1 / n_images, estimate.standard_error) + _EXACT:
         return None
     return (
         f"The training images promise {train_share * n_images:.0f} of {n_images}, but images left "

@@ -56,8 +56,9 @@ def support(kind: VoteKind, speaks_for: int, p_positive: float | None = None) ->
     """What one answer gives to the positive state, in millionths; None if it does not count.
 
     A recognizer adds `weight * support` and `weight * MILLION` over the answers that count; the
-    positive state wins if the first sum is above `round(threshold * second sum)`. That is what
-    `FittedVote.decide` does with whole tables, verdict for verdict.
+    positive state wins if the first sum is above `round(threshold * second sum)`. Without a valid
+    answer the vote is unknown, but for the one by p_yes. `FittedVote.decide` does the same with
+    whole tables, verdict for verdict.
 
     Args:
         kind: how the vote counts.
