@@ -21,10 +21,13 @@ __all__ = [
     "PAPER_SETTINGS",
     "SearchReport",
     "SearchSettings",
+    "better",
     "first_population",
     "fittest",
     "flip_mutation",
+    "require_searchable",
     "search",
+    "stream",
     "tournament",
     "two_point_crossover",
 ]
@@ -115,6 +118,7 @@ def search(
     weights: ObjectiveWeights = PAPER_WEIGHTS,
     settings: SearchSettings = PAPER_SETTINGS,
     seed: int,
+    singles_first: bool = True,
 ) -> Iterator[SearchReport]:
     """Look for the subset with the highest fitness, reporting after every generation.
 
@@ -129,6 +133,8 @@ def search(
         settings: sizes and probabilities.
         seed: 0 or more. Each objective draws from its own stream, so searches for several
             objectives with one seed are independent.
+        singles_first: whether the first population holds single questions, see
+            `first_population`. False is the paper's search to the letter.
 
     Yields:
         settings.generations + 1 reports. The same arguments give the same reports.
@@ -139,24 +145,38 @@ def search(
 
     Source: paper II-B.
     """
-    _require_searchable(counts)
+    require_searchable(counts)
     if settings.population * counts.n_questions > MAX_GENES:
         raise ValueError(
             f"{settings.population} individuals x {counts.n_questions} questions exceed "
             f"{MAX_GENES} bits; lower the population or switch questions off"
         )
+    rng = stream(objective, seed)
+    return _evolve(Fitness(counts, objective, weights), settings, rng, singles_first)
+
+
+def stream(objective: Objective, seed: int, purpose: str = "") -> np.random.Generator:
+    """Random numbers of an objective's own, and of a purpose's.
+
+    Raises:
+        ValueError: if the seed is negative.
+    """
     if seed < 0:
         raise ValueError(f"seed must be 0 or more, got {seed}")
-    stream = np.random.SeedSequence([seed, *objective.value.encode()])
-    rng = np.random.Generator(np.random.PCG64(stream))
-    return _evolve(Fitness(counts, objective, weights), settings, rng)
+    words = [seed, *objective.value.encode(), *purpose.encode()]
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words)))
 
 
 def _evolve(
-    fitness: Fitness, settings: SearchSettings, rng: np.random.Generator
+    fitness: Fitness,
+    settings: SearchSettings,
+    rng: np.random.Generator,
+    singles_first: bool = True,
 ) -> Iterator[SearchReport]:
     """DEAP's `eaSimple`: select, mate, mutate, evaluate what changed."""
-    population = first_population(settings.population, fitness.n_questions, rng)
+    population = first_population(
+        settings.population, fitness.n_questions, rng, singles_first=singles_first
+    )
     values = fitness(population)
     n_evaluations = settings.population
     best = population[fittest(population, values)]
@@ -168,7 +188,7 @@ def _evolve(
             changed |= flip_mutation(population, settings.mutation, settings.bit_flip, rng)
             values[changed] = fitness(population[changed])
             n_evaluations += int(np.count_nonzero(changed))
-            best = _better(best, population[fittest(population, values)], fitness)
+            best = better(best, population[fittest(population, values)], fitness)
         subset = tuple(np.flatnonzero(best).tolist())
         terms = fitness.terms(subset)
         yield SearchReport(
@@ -183,18 +203,24 @@ def _evolve(
 
 
 def first_population(
-    n_individuals: int, n_questions: int, rng: np.random.Generator
+    n_individuals: int,
+    n_questions: int,
+    rng: np.random.Generator,
+    *,
+    singles_first: bool = True,
 ) -> NDArray[np.uint8]:
     """Single questions first, in up to an eighth of it; all others have bits of chance 1/2.
 
     Random individuals hold about half of the questions. Where few questions are good, every such
     vote is lost, the search sees no difference between them, and never finds the good ones
-    (docs/decisions/0007-single-questions-first.md).
+    (docs/decisions/0007-single-questions-first.md). Without `singles_first` all are random.
 
     Returns:
         Zeros and ones, (n_individuals, n_questions).
     """
     population = rng.integers(0, 2, size=(n_individuals, n_questions), dtype=np.uint8)
+    if not singles_first:
+        return population
     single = rng.permutation(n_questions)[: n_individuals // _SINGLE_SHARE]
     population[: single.size] = 0
     population[np.arange(single.size), single] = 1
@@ -283,15 +309,21 @@ def fittest(population: NDArray[np.uint8], values: NDArray[np.float64]) -> int:
     return int(ties[np.lexsort([*packed.T[::-1], sizes])[0]])
 
 
-def _better(
+def better(
     first: NDArray[np.uint8], second: NDArray[np.uint8], fitness: Fitness
 ) -> NDArray[np.uint8]:
+    """The better of two individuals, ties broken as `search` says."""
     both = np.stack([first, second])
-    better: NDArray[np.uint8] = both[fittest(both, fitness(both))]
-    return better
+    winner: NDArray[np.uint8] = both[fittest(both, fitness(both))]
+    return winner
 
 
-def _require_searchable(counts: Counts) -> None:
+def require_searchable(counts: Counts) -> None:
+    """Refuse a table in which there is nothing to choose.
+
+    Raises:
+        NothingToSearchError: if there are no questions, no images or no images of one state.
+    """
     if counts.n_questions == 0:
         raise NothingToSearchError("there are no questions; switch some on or add wordings")
     if counts.n_images == 0:

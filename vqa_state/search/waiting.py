@@ -1,0 +1,67 @@
+"""Runs a solver in a thread, so that what it finds is seen while it works, and a stop is heard."""
+
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
+
+__all__ = ["Work"]
+
+_POLL_SECONDS = 0.1
+
+News = TypeVar("News")
+
+
+class Work(Generic[News]):
+    """Iterates over what `task` puts; ends when the task ends, or soon after a stop.
+
+    The solver must let other threads run, as compiled ones do. Leaving the loop early, by a stop
+    or by no longer iterating, calls `interrupt`.
+
+    Args:
+        task: the work; gets a function that it calls with each piece of news.
+        stop: asked several times a second.
+        interrupt: tells the task to end soon; None if it cannot be told. Then its thread goes on
+            unheard up to its own limit, and does not keep the program from ending.
+    """
+
+    def __init__(
+        self,
+        task: Callable[[Callable[[News], None]], None],
+        stop: Callable[[], bool],
+        interrupt: Callable[[], None] | None = None,
+    ) -> None:
+        self._task, self._stop, self._interrupt = task, stop, interrupt
+        self._news: queue.SimpleQueue[tuple[News] | None] = queue.SimpleQueue()
+        self._error: BaseException | None = None
+        self.stopped = False
+
+    def __iter__(self) -> Iterator[News]:
+        thread = threading.Thread(target=self._run, name="solver", daemon=True)
+        thread.start()
+        try:
+            while (news := self._next()) is not None:
+                yield news[0]
+        finally:
+            while self._interrupt is not None and thread.is_alive():
+                self._interrupt()  # again, because a solver that has not begun does not hear it
+                thread.join(_POLL_SECONDS)
+        if self._error is not None:
+            raise self._error
+
+    def _next(self) -> tuple[News] | None:
+        """The next piece of news; None at the end or after a stop."""
+        while not self.stopped:
+            try:
+                return self._news.get(timeout=_POLL_SECONDS)
+            except queue.Empty:
+                self.stopped = self._stop()
+        return None
+
+    def _run(self) -> None:
+        try:
+            self._task(lambda news: self._news.put((news,)))
+        except BaseException as error:  # noqa: BLE001  # raised again where the news is read
+            self._error = error
+        finally:
+            self._news.put(None)
