@@ -5,6 +5,7 @@ for the ids. A model that this does not suit is asked one question at a time, an
 """
 
 from collections.abc import Iterator, Sequence
+from importlib.metadata import version
 from pathlib import Path
 
 from PIL.Image import Image
@@ -45,8 +46,6 @@ class ChatModel:
             MissingPackageError: if a package that it needs is not installed.
             ModelError: if the folder is damaged or the prompt unusable.
         """
-        import transformers
-
         digest = folder_digest(folder)
         model, processor = load_chat(folder, name, runtime)
         try:
@@ -55,7 +54,7 @@ class ChatModel:
             raise ModelError(str(error)) from error
         writer = ChatPrompt(processor, model.config, template)
         check = check_prefix(model, writer, runtime)
-        release = ".".join(transformers.__version__.split(".")[:2])
+        release = ".".join(version("transformers").split(".")[:2])
         self.name = name
         self._fingerprint = (
             f"chat {_VERSION}; files {digest}; {runtime}; prompt {template!r}; "

@@ -61,6 +61,7 @@ class ChatAsker:
         self._model = model
         self._prompt = prompt
         self._is_fast = not check.slow_because
+        self._cuts = check.cuts
         self._n_behind = check.n_behind
         self._batch = BatchSize(runtime) if check.joins else BatchSize(runtime, largest=1)
         self._lock = RLock()
@@ -96,11 +97,10 @@ class ChatAsker:
 
     def _slowly(self, image: Image, seen: SeenImage, question: str) -> Said | Failure:
         try:
-            if not seen.head:
-                inputs = self._prompt.plain(image, question)
+            if self._cuts and seen.head:
+                inputs = self._prompt.inputs(seen, self._prompt.ids(seen, question))
             else:
-                ids = self._prompt.ids(seen, question)
-                inputs = self._prompt.inputs(seen, ids)
+                inputs = self._prompt.plain(image, question)
             if failure := self._refused(inputs["input_ids"][0].tolist(), seen):
                 return failure
             with self._lock:

@@ -41,22 +41,25 @@ class Check:
 
     Attributes:
         slow_because: "" where a prefix can be read once, else why not.
+        cuts: whether an image can be prepared once for all questions.
         n_behind: ids from the last image token on that every question shares.
         joins: whether several images can be read in one go.
     """
 
     slow_because: str
+    cuts: bool = False
     n_behind: int = 0
     joins: bool = False
 
 
 def check_prefix(model: Any, prompt: ChatPrompt, runtime: Runtime) -> Check:
     """Ask two questions about a small picture in both ways."""
-    if model.config.model_type in _READ_BOTH_WAYS or model.config.is_encoder_decoder:
-        return Check("it looks at the question while it looks at the image")
     first, second = _pictures()
     try:
-        if not prompt.splices(first, _QUESTIONS):
+        cuts = prompt.splices(first, _QUESTIONS)
+        if model.config.model_type in _READ_BOTH_WAYS or model.config.is_encoder_decoder:
+            return Check("it looks at the question while it looks at the image", cuts)
+        if not cuts:
             return Check("its text cannot be cut behind the image")
         seen = prompt.see(first)
         n_behind = prompt.n_shared(seen) - len(seen.head)
@@ -64,12 +67,12 @@ def check_prefix(model: Any, prompt: ChatPrompt, runtime: Runtime) -> Check:
     except _UNFIT as error:
         return Check(f"what it read cannot be used again ({type(error).__name__})")
     if problem or runtime.device is Device.CPU:  # a processor reads one image at a time
-        return Check(problem, n_behind)
+        return Check(problem, cuts, n_behind)
     try:
         joins = not _compare(model, prompt, runtime, [first, second], n_behind)
     except _UNFIT:
         joins = False
-    return Check("", n_behind, joins)
+    return Check("", cuts, n_behind, joins)
 
 
 def _compare(
