@@ -195,32 +195,10 @@ def _after(
     from torch.nn.functional import scaled_dot_product_attention
 
     n_heads = layer.attention.attention.num_attention_heads
-    split: Any = [
-        one.unflatten(-1, (n_heads, -1)).transpose(1, 2) for one in (queries, keys, values)
-    ]
+    parts: tuple[Any, ...] = (queries, keys, values)
+    split = [one.unflatten(-1, (n_heads, -1)).transpose(1, 2) for one in parts]
     found = scaled_dot_product_attention(*split).transpose(1, 2).flatten(2)
     states = states + layer.attention.output(found, states)
     inside = layer.intermediate(layer.layernorm_after(states))
     after: Tensor = layer.output(inside, states)
     return after
-
-
-def _named(labels: dict[int, str], word: str) -> tuple[int, ...]:
-    return tuple(number for number, label in labels.items() if label.strip().lower() == word)
-
-
-def _first_of(layer: Any, states: "Tensor") -> "Tensor":
-    """The first token after a layer, (n, 1, width), without what only the others need."""
-    from torch.nn.functional import scaled_dot_product_attention
-
-    inner = layer.attention.attention
-    normed = layer.layernorm_before(states)
-    queries, keys, values = (
-        projected.unflatten(-1, (inner.num_attention_heads, -1)).transpose(1, 2)
-        for projected in (inner.query(normed[:, :1]), inner.key(normed), inner.value(normed))
-    )
-    found = scaled_dot_product_attention(queries, keys, values)  # (n, n_heads, 1, head_width)
-    first = states[:, :1] + layer.attention.output(found.transpose(1, 2).flatten(2), states)
-    inside = layer.intermediate(layer.layernorm_after(first))
-    last: Tensor = layer.output(inside, first)
-    return last
