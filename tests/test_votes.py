@@ -166,12 +166,14 @@ class TestDeciding:
         assume(vote.kind is not VoteKind.WEIGHTED_P_YES)  # float32 holds p and 1 - p unlike
         assert (vote.decide(before) == -other.decide(after)).all()
 
-    def test_a_tie_is_exact_where_floats_are_not(self):
-        """3 of 5 at 0.6, and 3 of 10 at 0.3: in floats, 0.6 * 5 and 0.3 * 10 may miss."""
-        for n_for, n_all, threshold in [(3, 5, 0.6), (3, 10, 0.3), (7, 10, 0.7), (1, 3, 0.333333)]:
-            ballots = Ballots(np.array([[n_for]]), np.array([[n_all - n_for]]), n_all)
-            vote = FittedVote(VoteKind.THRESHOLD, (0,), (1,), (False,), threshold)
-            assert vote.decide(ballots)[0] == (0 if n_all != 3 else 1)
+    @pytest.mark.parametrize(
+        ("n_for", "n_all", "threshold"), [(3, 5, 0.6), (3, 10, 0.3), (29, 50, 0.58), (63, 90, 0.7)]
+    )
+    def test_a_tie_is_exact_where_floats_are_not(self, n_for, n_all, threshold):
+        """In floats, 0.58 * 50 million and 0.7 * 90 million fall short of a whole number."""
+        ballots = Ballots(np.array([[n_for]]), np.array([[n_all - n_for]]), n_all)
+        vote = FittedVote(VoteKind.THRESHOLD, (0,), (1,), (False,), threshold)
+        assert vote.decide(ballots)[0] == 0
 
     def test_no_valid_answer_is_unknown_whatever_the_threshold(self):
         ballots = Ballots(np.zeros((1, 2), int), np.zeros((1, 2), int), 6)
