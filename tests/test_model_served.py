@@ -19,6 +19,7 @@ from vqa_state.answers import Answer
 from vqa_state.asking import ask, plan
 from vqa_state.models.base import Failure
 from vqa_state.models.server import CallBudget, ServerModel
+from vqa_state.splits import Split
 from vqa_state.store import AnswerStore, copy_keys
 
 #: Loads what takes long, then waits for a line, so that a server is there soon after a kill.
@@ -92,7 +93,7 @@ def stored(project, model):
     texts = [question.text for question in project.questions()]
     found = {}
     with AnswerStore(project.store_path) as store:
-        for image in project.images:
+        for image in project.labelled(Split.TRAIN, Split.TEST):
             for key in copy_keys(image.pixel_hash, project.augmentation, project.seed):
                 for text, answer in store.answers(model.fingerprint, key, texts).items():
                     found[key, text] = answer.text

@@ -116,8 +116,11 @@ class Caller:
                     outcome = await self._try(client, content)
                     if isinstance(outcome, Answer):
                         return outcome
-                    fault = outcome
-                    wait = self._wait(fault, n_tries)
+                    # A server that failed may break off the next try on the same connection: what
+                    # it said before tells more.
+                    broke_off = outcome.reach is Reach.PASSING and not outcome.status
+                    fault = fault if broke_off and fault.status else outcome
+                    wait = self._wait(outcome, n_tries)
                     if wait is None:
                         break
                     await asyncio.sleep(wait)
