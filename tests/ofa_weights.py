@@ -44,6 +44,7 @@ def small_config(n_words):
         "encoder_ffn_dim": 48,
         "decoder_ffn_dim": 40,
         "resnet_type": "resnet18",
+        "image_bucket_size": 8,
     }
 
 
