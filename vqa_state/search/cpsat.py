@@ -15,7 +15,7 @@ Source: paper II-B; L. Perron and F. Didier, "CP-SAT", OR-tools.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -165,7 +165,7 @@ class _Model:
         for variable, value in self._hints:
             self.cp.add_hint(variable, value(numbers))
 
-    def _sum(self, answers: Integers) -> "cp_model.LinearExprT":
+    def _sum(self, answers: Integers) -> Any:  # an expression, or a number if no answer counts
         """Answers of the chosen questions, given those of each class, (n_classes,)."""
         from ortools.sat.python import cp_model
 
@@ -187,8 +187,9 @@ class _Model:
         rate = self.cp.new_int_var(0, len(images) * SCALE, f"r{images[0]}")
         half = SCALE // 2 + 1
         # An unrecognized image has a rate of at most one half: cheap, and it helps the solver.
-        n_recognized = cp_model.LinearExpr.sum([self.recognized[i] for i in images.tolist()])
-        self.cp.add(rate <= half * len(images) + half * n_recognized)
+        theirs = [self.recognized[image] for image in images.tolist()]
+        above = cp_model.LinearExpr.weighted_sum([rate, *theirs], [1] + [-half] * len(theirs))
+        self.cp.add(above <= half * len(theirs))
         self._hints.append((rate, lambda numbers: _ratio(correct, asked, numbers)))
         if (asked == asked[0]).all() and asked[0]:
             self._linear_rate(rate, correct, int(asked[0]))
