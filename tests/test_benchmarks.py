@@ -3,12 +3,14 @@
 import importlib
 import json
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vqa_state.scores import Objective, score
+from vqa_state.search.exact import enumerate_subsets
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import SearchSettings
 
@@ -26,32 +28,74 @@ def load(monkeypatch):
 
 
 def test_quick_run_writes_its_rows(load, monkeypatch, tmp_path, capsys):
-    bench = load("search")
-    plan = bench.Plan(sizes=((8, 4), (16, 6)), n_runs=2, settings=TINY)
+    """Tiny tables, one of them with an optimum that is not proved."""
+    bench, prove = load("search"), load("prove_optima")
+    plan = bench.Plan(
+        sizes=((4, 4), (8, 6)), n_tables=3, n_textbook=2, n_proofs=1, settings=TINY, n_climbs=8
+    )
+    optima = [prove.prove_table(*size, number) for size in plan.sizes for number in range(3)]
+    optima[4] = replace(optima[4], proved=False)
     monkeypatch.setattr(bench, "QUICK", plan)
+    monkeypatch.setattr(bench, "read_optima", lambda: optima)
     bench.main(["--quick", "--json", str(tmp_path / "rows.json")])
     result = json.loads((tmp_path / "rows.json").read_text(encoding="utf-8"))
     assert result["settings"]["population"] == 10
-    sizes = [(r["engine"], r["n_questions"], r["n_images"]) for r in result["rows"]]
-    assert sizes == [
-        ("textbook_deap", 8, 4),
-        ("paper", 8, 4),
-        ("textbook_deap", 16, 6),
-        ("paper", 16, 6),
+    runs = [(r["engine"], r["n_questions"], r["n_proved"], r["n_unproved"]) for r in result["rows"]]
+    assert runs == [
+        ("textbook_deap", 4, 2, 0),
+        ("paper", 4, 3, 0),
+        ("default", 4, 3, 0),
+        ("textbook_deap", 8, 1, 1),
+        ("paper", 8, 2, 1),
+        ("default", 8, 2, 1),
     ]
-    assert all(r["seconds"] > 0 and r["hit_rate"] is None for r in result["rows"])
+    assert all(r["seconds"] > 0 and 0 <= r["hit_rate"] <= 1 for r in result["rows"])
+    assert result["rows"][2]["hit_rate"] == 1  # four questions: climbs miss nothing
+    assert result["proof"]["images_proved"] == result["proof"]["best_proved"] == 1
+    assert result["proof"]["median_gap"] == 0
     assert "times faster" in capsys.readouterr().out
 
 
-def test_both_engines_maximize_the_same_thing(load):
-    """On four questions, both find the one optimum, by their own fitness functions."""
+def test_a_table_that_numpy_draws_otherwise_is_refused(load):
+    bench, prove = load("search"), load("prove_optima")
+    optimum = replace(prove.prove_table(4, 4, 0), digest="0")
+    with pytest.raises(SystemExit, match="draws other numbers"):
+        list(bench.measure(bench.Plan(sizes=((4, 4),)), [optimum]))
+
+
+def test_the_committed_optima_are_of_these_tables(load):
+    """Digest, value and subset belong together; small tables are compared anew in full."""
+    prove, tables = load("prove_optima"), load("tables")
+    optima = prove.read_optima()
+    assert {(one.n_questions, one.n_images) for one in optima} == set(prove.SIZES)
+    for one in optima:
+        counts = tables.numbered_table(one.n_questions, one.n_images, one.number)
+        assert tables.digest(counts) == one.digest
+        fitness = Fitness(counts, Objective.S_PLUS)
+        assert fitness.terms(one.subset).value == one.value
+        assert one.proved == (one.bound - one.value <= 1e-5)
+        if one.n_questions == 16:
+            *_, exact = enumerate_subsets(counts, Objective.S_PLUS)
+            assert (exact.subset, exact.terms.value) == (one.subset, one.value)
+
+
+def test_the_ways_of_proof_agree_on_random_tables(load):
+    """A sample; `python -m benchmarks.agreement` checks a thousand."""
+    agreement = load("agreement")
+    for seed in range(40):
+        case = agreement.draw_case(10_000 + seed, most_questions=11)
+        assert not list(agreement.disagreements(case))
+
+
+def test_all_engines_maximize_the_same_thing(load):
+    """On four questions, each finds the one optimum, by its own fitness function."""
     bench, tables = load("search"), load("tables")
-    rng = np.random.default_rng(0)
-    counts = tables.draw_counts(tables.draw_task(rng, 4), 6, rng)
+    counts = tables.numbered_table(4, 6, 0)
     population = np.array(list(np.ndindex(2, 2, 2, 2)), dtype=np.uint8)
     optimum = Fitness(counts, Objective.S_PLUS)(population).max()
-    found = [e(counts, SearchSettings(100, 10), 0) for e in bench.ENGINES.values()]
-    assert found == pytest.approx([optimum] * 2)
+    plan = bench.Plan(settings=SearchSettings(100, 10), n_climbs=4)
+    found = [engine(counts, plan, 0) for engine in bench.ENGINES.values()]
+    assert found == pytest.approx([optimum] * 3)
 
 
 @pytest.mark.parametrize("n_questions", [5, 16, 64])

@@ -181,15 +181,19 @@ def test_mutation_is_deaps(monkeypatch):
 
 @pytest.mark.parametrize("objective", Objective)
 @pytest.mark.parametrize("population", [20, 21])
-@pytest.mark.parametrize("n_questions", [2, 9])
-def test_a_run_is_easimple_given_the_same_draws(monkeypatch, objective, population, n_questions):
+@pytest.mark.parametrize(("n_questions", "singles_first"), [(2, True), (9, True), (9, False)])
+def test_a_run_is_easimple_given_the_same_draws(
+    monkeypatch, objective, population, n_questions, singles_first
+):
     counts, n_generations = table(n_questions=n_questions), 8
     rng = Recorder(population)
     sizes = SearchSettings(population=population, generations=n_generations)
-    ours = list(genetic._evolve(Fitness(counts, objective), sizes, rng))
+    ours = list(genetic._evolve(Fitness(counts, objective), sizes, rng, singles_first))
 
-    first, order, *rest = rng.drawn
-    put_singles(first, order[: population // 8])
+    first, *rest = rng.drawn
+    if singles_first:
+        order, *rest = rest
+        put_singles(first, order[: population // 8])
     steps = [rest[i : i + 6] for i in range(0, len(rest), 6)]
     aspirants, mating, cuts1, cuts2, mutating, flips = zip(*steps, strict=True)
     deap_population = [Individual(genes) for genes in first.tolist()]
