@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 from vqa_state.errors import NothingToSearchError
 from vqa_state.voting.logistic import fit_logistic
 
-__all__ = ["Rival", "fit_rival"]
+__all__ = ["STRENGTHS", "Rival", "fit_rival"]
+
+STRENGTHS = (1 / 4096, 1 / 1024, 1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0)
+"""Weaker ones than a vote's, too: a thousand features tell twenty images apart easily."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,5 +107,6 @@ def fit_rival(
     center, spread = rows.mean(axis=0), rows.std(axis=0)
     scale = np.where(spread > 0, spread, 1.0)
     copies_of = np.repeat(np.arange(n_images), n_copies)
-    fit = fit_logistic((rows - center) / scale, labels[copies_of], groups[copies_of])
+    standardized = (rows - center) / scale
+    fit = fit_logistic(standardized, labels[copies_of], groups[copies_of], STRENGTHS)
     return Rival(center, scale, fit.coefficients, fit.intercept, fit.strength)
