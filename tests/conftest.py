@@ -69,3 +69,11 @@ def registry(monkeypatch):
     copy = dict(models._factories)
     monkeypatch.setattr(models, "_factories", copy)
     return copy
+
+
+@pytest.fixture
+def data_home(monkeypatch, tmp_path):
+    """A place of its own for what belongs to no project; it is made when something is kept."""
+    home = tmp_path / "data home"
+    monkeypatch.setenv("VQA_STATE_HOME", str(home))
+    return home

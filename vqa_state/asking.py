@@ -17,7 +17,7 @@ from vqa_state.answers import MISSING, Answer, AnswerTable
 from vqa_state.augment import Augmentation, AugmentationKind, copy_of
 from vqa_state.errors import ImageError, ModelError, NothingToSearchError, ProjectError
 from vqa_state.images import pixel_hash, read_picture
-from vqa_state.models.base import Failure, Reply, VQAModel
+from vqa_state.models.base import Failure, Interruptible, Reply, VQAModel
 from vqa_state.project import LabelledImage, Project
 from vqa_state.questions import Question
 from vqa_state.splits import Split
@@ -273,7 +273,7 @@ def _replies(
     bite, since = _Bite([], []), time.monotonic()
     try:
         images = _copies(project, jobs)
-        for reply in model.answer(images, questions):
+        for reply in _asked(model, images, questions, stop):
             if (reply.image, reply.question) not in open_pairs:
                 continue  # a model that repeats itself is not counted twice
             open_pairs.discard((reply.image, reply.question))
@@ -285,8 +285,21 @@ def _replies(
                 return
     except (ModelError, ImageError) as error:
         reason = str(error)
+    if stop():
+        open_pairs.clear()  # they were not asked, so they did not fail
     bite.failures.extend(reason for _ in open_pairs)
     yield bite
+
+
+def _asked(
+    model: VQAModel,
+    images: Sequence[Image.Image],
+    questions: Sequence[str],
+    stop: Callable[[], bool],
+) -> Iterator[Reply]:
+    if isinstance(model, Interruptible):
+        return model.answer_until(images, questions, stop)
+    return model.answer(images, questions)
 
 
 def _sort_in(reply: Reply, bite: _Bite, key: CopyKey, question: str) -> None:

@@ -7,6 +7,7 @@ VQAStateError
 ├── StoreError             the answer store cannot be read or written
 ├── ModelError             a model cannot be loaded, or gave no usable reply
 │   ├── UnknownModelError  no model has that name
+│   ├── NotApprovedError   the user has not yet said yes to this model on this machine
 │   └── MissingPackageError  the model needs a package that is not installed
 ├── NothingToSearchError   the project has too little to choose questions from
 └── RecognizerError        a recognizer file is damaged, newer than this program, for another model
@@ -44,7 +45,21 @@ class UnknownModelError(ModelError):
     """No model has that name."""
 
     def __init__(self, name: str, known: list[str]) -> None:
-        super().__init__(f"unknown model {name!r}; choose one of: {', '.join(sorted(known))}")
+        super().__init__(
+            f"unknown model {name!r}; choose one of: {', '.join(sorted(known))}, or give an "
+            "address: hub:OWNER/NAME, folder:/path/to/model, server:http://host:port/v1#MODEL"
+        )
+
+
+class NotApprovedError(ModelError):
+    """The user has not yet said yes to this model on this machine."""
+
+    def __init__(self, model: str, plain: str) -> None:
+        super().__init__(
+            f"the model {model!r} was never used on this machine, so it is not loaded or called "
+            "because a file names it; if you trust it, say so in the app or with: "
+            f"python -m vqa_state models approve {plain!r}"
+        )
 
 
 class MissingPackageError(ModelError):

@@ -9,7 +9,8 @@ times, dates or paths stand in the file.
 import hashlib
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -17,11 +18,12 @@ from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
 from vqa_state import models
-from vqa_state.answers import PARSER_VERSION
+from vqa_state.answers import PARSER_VERSION, Answer
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind, copies
 from vqa_state.errors import ModelError, RecognizerError
 from vqa_state.files import write_atomically
 from vqa_state.images import pixel_hash, read_file, read_picture, rgb_pixels
+from vqa_state.models.address import MAX_ADDRESS
 from vqa_state.models.base import Failure, VQAModel
 from vqa_state.questions import MAX_QUESTIONS
 from vqa_state.scores import Objective, ObjectiveWeights
@@ -38,10 +40,12 @@ __all__ = [
     "States",
     "WeightedQuestion",
     "read_recognizer",
+    "recognize_all",
 ]
 
 SCHEMA_VERSION: Final = 1
 MAX_FILE_BYTES: Final = 5_000_000
+MAX_FINGERPRINT: Final = 10_000
 
 
 class _Record(BaseModel):
@@ -58,8 +62,8 @@ class States(_Record):
 class ModelReference(_Record):
     """The model that the questions were chosen for. Its revision stands in the fingerprint."""
 
-    name: Annotated[str, Field(min_length=1, max_length=300)]
-    fingerprint: Annotated[str, Field(min_length=1, max_length=2000)]
+    name: Annotated[str, Field(min_length=1, max_length=MAX_ADDRESS)]
+    fingerprint: Annotated[str, Field(min_length=1, max_length=MAX_FINGERPRINT)]
 
 
 class Copies(_Record):
@@ -192,12 +196,13 @@ class Recognizer(_Record):
             ModelError: if the model cannot be loaded, or gave not all answers: a failed call is
                 an error, never a verdict.
         """
-        model = self._checked(model)
+        model = model or self.loaded_model()
+        self.check_model(model)
         began = time.perf_counter()
-        pixels = _pixels(image)
-        votes = self._ask(model, pixels)
+        texts = [question.text for question in self.questions]
+        answers = _ask(model, _pixels(image), self.copies, texts)
         milliseconds = 1000 * (time.perf_counter() - began)
-        return self.verdict(votes, milliseconds)
+        return self.verdict(self.votes(answers), milliseconds)
 
     def verdict(self, votes: Sequence[Vote], milliseconds: float = 0.0) -> Verdict:
         """Count votes. Source: paper II-A for weight 1 and threshold 0.5, decided with integers."""
@@ -235,42 +240,107 @@ class Recognizer(_Record):
             return State.NEGATIVE, share
         return State.UNKNOWN, f"the vote is a tie: {share}"
 
-    def _checked(self, model: VQAModel | None) -> VQAModel:
-        if model is None:
-            model = self._model or models.create(self.model.name)
+    def loaded_model(self) -> VQAModel:
+        """The model that the file names, loaded on first use and kept.
+
+        Raises:
+            NotApprovedError: if it comes from outside this package and the user never chose it.
+            ModelError: if it cannot be loaded.
+        """
+        self._model = self._model or models.create(self.model.name)
+        return self._model
+
+    def check_model(self, model: VQAModel) -> None:
+        """Do nothing for the model that the questions were chosen for.
+
+        Raises:
+            RecognizerError: if it is another one.
+        """
         if model.fingerprint != self.model.fingerprint:
             raise RecognizerError(
                 f"these questions were chosen for {self.model.fingerprint!r}, but the model here "
-                f"is {model.fingerprint!r}; which questions work depends on the model: optimize "
-                "again with this one"
+                f"is {model.fingerprint!r}; which questions work depends on the model: see what is "
+                "lost with `python -m vqa_state recheck`, or optimize again with this one"
             )
-        self._model = model
-        return model
 
-    def _ask(self, model: VQAModel, pixels: Image.Image) -> list[Vote]:
-        kind = Augmentation(self.copies.kind, self.copies.amount, self.copies.n_copies)
-        shifted = list(copies(pixels, pixel_hash(pixels), kind, self.copies.seed))
-        texts = [question.text for question in self.questions]
-        votes: dict[tuple[int, int], Vote] = {}
-        failure = "it gave no reply to a question"
-        for reply in model.answer(shifted, texts):
-            if isinstance(reply.outcome, Failure):
-                failure = reply.outcome.reason
-                continue
-            question = self.questions[reply.question]
-            votes[reply.image, reply.question] = Vote(
-                question.text,
-                reply.image,
-                reply.outcome,
-                reply.outcome.verdict(question.yes_means),
-            )
-        n_failed = len(shifted) * len(texts) - len(votes)
-        if n_failed:
-            raise ModelError(
-                f"{n_failed} of {self.calls_per_image} calls to {model.name} failed ({failure}); "
-                "there is no verdict: try again"
-            )
-        return [votes[pair] for pair in sorted(votes)]
+    def votes(self, answers: Mapping[tuple[int, str], Answer]) -> list[Vote]:
+        """This recognizer's votes among answers by (copy, question text), by copy and question.
+
+        Raises:
+            KeyError: if an answer is missing.
+        """
+        return [
+            Vote(text, number, answer, answer.verdict(question.yes_means))
+            for number in range(self.copies.n_copies)
+            for question in self.questions
+            for text, answer in ((question.text, answers[number, question.text]),)
+        ]
+
+
+def recognize_all(
+    image: str | Path | bytes | Image.Image,
+    recognizers: Sequence[Recognizer],
+    model: VQAModel | None = None,
+) -> list[Verdict]:
+    """What several recognizers say about one image, for little more than the price of one.
+
+    Each copy is encoded once, and the union of the questions is asked once (the paper's point that
+    one model serves every state). The verdicts are those of `Recognizer.recognize`, one by one.
+
+    Args:
+        image: see `Recognizer.recognize`.
+        recognizers: any number; those of one model with the same copies share their calls.
+        model: the loaded model of all of them; without it, each one that a file names is loaded.
+
+    Returns:
+        One verdict for each recognizer, in their order; `n_calls` and `milliseconds` of each are
+        those of its whole group.
+
+    Raises:
+        ImageError: if the picture cannot be read.
+        RecognizerError: if a model is another one than the questions were chosen for.
+        ModelError: see `Recognizer.recognize`.
+    """
+    pixels = _pixels(image)
+    groups: dict[tuple[str, Copies], list[int]] = {}
+    for place, recognizer in enumerate(recognizers):
+        groups.setdefault((recognizer.model.fingerprint, recognizer.copies), []).append(place)
+    found: dict[int, Verdict] = {}
+    for (_, shifts), places in groups.items():
+        own = model or recognizers[places[0]].loaded_model()
+        members = [recognizers[place] for place in places]
+        for one in members:
+            one.check_model(own)
+        texts = list(dict.fromkeys(q.text for one in members for q in one.questions))
+        began = time.perf_counter()
+        answers = _ask(own, pixels, shifts, texts)
+        milliseconds = 1000 * (time.perf_counter() - began)
+        for place, one in zip(places, members, strict=True):
+            verdict = one.verdict(one.votes(answers), milliseconds)
+            found[place] = replace(verdict, n_calls=len(answers))
+    return [found[place] for place in range(len(recognizers))]
+
+
+def _ask(
+    model: VQAModel, pixels: Image.Image, shifts: Copies, texts: Sequence[str]
+) -> dict[tuple[int, str], Answer]:
+    """Every answer, by (copy, question text); a failed call is an error, never a verdict."""
+    kind = Augmentation(shifts.kind, shifts.amount, shifts.n_copies)
+    shifted = list(copies(pixels, pixel_hash(pixels), kind, shifts.seed))
+    answers: dict[tuple[int, str], Answer] = {}
+    failure = "it gave no reply to a question"
+    for reply in model.answer(shifted, texts):
+        if isinstance(reply.outcome, Failure):
+            failure = reply.outcome.reason
+        else:
+            answers[reply.image, texts[reply.question]] = reply.outcome
+    n_calls = len(shifted) * len(texts)
+    if len(answers) < n_calls:
+        raise ModelError(
+            f"{n_calls - len(answers)} of {n_calls} calls to {model.name} failed ({failure}); "
+            "there is no verdict: try again"
+        )
+    return answers
 
 
 def read_recognizer(data: bytes, shown: str) -> Recognizer:

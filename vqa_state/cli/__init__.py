@@ -7,12 +7,12 @@ command was typed wrong; 3 it ended early, an answer is missing or a verdict is 
 import io
 import sys
 
-from vqa_state.cli import making, reproducing, running, using
+from vqa_state.cli import choosing, making, reproducing, running, using
 from vqa_state.cli.options import app
 from vqa_state.cli.terminal import say
 from vqa_state.errors import VQAStateError
 
-__all__ = ["app", "main", "making", "reproducing", "running", "using"]
+__all__ = ["app", "choosing", "main", "making", "reproducing", "running", "using"]
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ _SAMPLES = Path(__file__).parents[2] / "projects"
 @app.command()
 def reproduce(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where copies and tables are written.")],
-    model: Annotated[str, typer.Option(help="Name of the model.")] = "embedded",
+    model: Annotated[str, typer.Option(help="Name or address of the model.")] = "embedded",
     projects: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the eleven projects.")
     ] = _SAMPLES,
@@ -36,7 +36,7 @@ def reproduce(
     The projects are copied to DIR first. Run it again, and it goes on where it was.
     """
     folders = copy_projects(projects, out, EXPERIMENTS)
-    vqa_model = models.create(model)
+    vqa_model = models.create(models.choose(model))
     finished = []
     with interruptible() as stop, _bar() as bar:
         task = bar.add_task("", total=len(folders))

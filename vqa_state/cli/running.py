@@ -26,7 +26,7 @@ from vqa_state.tuning import optimize
 @app.command("ask")
 def ask_command(
     folder: Folder,
-    model: Annotated[str | None, typer.Option(help="Name of the model; kept.")] = None,
+    model: Annotated[str | None, typer.Option(help="Name or address of the model; kept.")] = None,
     copies: Annotated[
         int | None, typer.Option(min=1, max=MAX_COPIES, help="Shifted copies of each image; kept.")
     ] = None,
@@ -48,7 +48,7 @@ def ask_command(
     project.augmentation = Augmentation(
         augmentation or old.kind, amount or old.amount, copies or old.n_copies
     )
-    project.model = model or project.model
+    project.model = models.choose(model) if model else project.model
     if cost:
         what = plan(project, models.create(project.model).fingerprint)
         words = (
@@ -98,13 +98,13 @@ def optimize_command(
 @app.command()
 def tune(
     folder: Folder,
-    model: Annotated[str | None, typer.Option(help="Name of the model; kept.")] = None,
+    model: Annotated[str | None, typer.Option(help="Name or address of the model; kept.")] = None,
     seed: Seed = None,
     as_json: Json = False,
 ) -> None:
     """All of it for one project: ask, optimize, report, write the recognizers."""
     project = Project.open(folder)
-    project.model = model or project.model
+    project.model = models.choose(model) if model else project.model
     project.search_seed = project.search_seed if seed is None else seed
     project.assign_splits()
     progress = _ask(project)

@@ -23,6 +23,8 @@ from rich.progress import (
 from rich.table import Table
 
 from vqa_state.asking import AskPlan, AskProgress
+from vqa_state.checking import CheckProgress, ModelCheck
+from vqa_state.models.hub import DownloadProgress
 from vqa_state.tuning import OptimizeProgress
 from vqa_state.verdict import Verdict
 
@@ -34,6 +36,8 @@ __all__ = [
     "print_table",
     "say",
     "show_asking",
+    "show_check",
+    "show_download",
     "show_search",
     "verdict_record",
 ]
@@ -90,6 +94,30 @@ def show_asking(reports: Iterator[AskProgress]) -> AskProgress:
             done = last.n_calls - last.n_left
             bar.update(task, total=last.n_calls, completed=done, note=note)
     return last
+
+
+def show_download(reports: Iterator[DownloadProgress]) -> DownloadProgress:
+    """Draw the reports and give back the last one."""
+    last = DownloadProgress()
+    with _bar("downloading (MB)", TimeElapsedColumn()) as bar:
+        task = bar.add_task("downloading", note="")
+        for last in reports:
+            left = last.seconds_left
+            note = "" if left is None else f"about {left:.0f} s left"
+            total, done = last.total // 1_000_000, last.n_bytes // 1_000_000
+            bar.update(task, total=total, completed=done, note=note)
+    return last
+
+
+def show_check(reports: Iterator[CheckProgress]) -> ModelCheck | None:
+    """Draw the reports and give back what was found; None after a stop."""
+    found = None
+    with _bar("checking (calls)", TimeElapsedColumn()) as bar:
+        task = bar.add_task("checking", note="")
+        for last in reports:
+            bar.update(task, total=last.n_total, completed=last.n_done)
+            found = last.result
+    return found
 
 
 def show_search(reports: Iterator[OptimizeProgress]) -> OptimizeProgress:

@@ -1,17 +1,28 @@
 """report, export, recognize: what comes out."""
 
+from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from vqa_state import models, report
+from vqa_state.asking import AskProgress
 from vqa_state.cli.options import Folder, Json, app, found_results, show, tell
-from vqa_state.cli.terminal import print_json, print_table, say, verdict_record
+from vqa_state.cli.terminal import (
+    interruptible,
+    print_json,
+    print_table,
+    say,
+    show_asking,
+    verdict_record,
+)
 from vqa_state.errors import ImageError
 from vqa_state.files import write_atomically
 from vqa_state.project import Project
-from vqa_state.recognizer import Recognizer
+from vqa_state.rechecking import Rechecked, recheck
+from vqa_state.recognizer import Recognizer, recognize_all
 from vqa_state.scores import Objective
 from vqa_state.tuning import recognizer_path
 from vqa_state.verdict import State, Verdict
@@ -64,6 +75,10 @@ def export(
 def recognize(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recognizer's JSON.")],
     images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="Pictures.")],
+    also: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Another recognizer of the same model; costs little."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Say the state of each image, with the votes.
@@ -71,26 +86,70 @@ def recognize(
     An image that cannot be read is named, and the others go on. Exit code 1 if there was one, 3 if
     a verdict is unknown.
     """
-    recognizer = Recognizer.load(file)
-    model = models.create(recognizer.model.name)
-    records, states = [], set()
+    recognizers = [Recognizer.load(path) for path in (file, *(also or []))]
+    records: list[dict[str, object]] = []
+    states = set()
     for image in images:
         try:
-            verdict = recognizer.recognize(image, model)
+            verdicts = recognize_all(image, recognizers)
         except ImageError as error:
             records.append({"image": str(image), "error": str(error)})
             say(f"error: {image}: {error}")
             continue
-        states.add(verdict.state)
-        records.append({"image": str(image)} | verdict_record(verdict))
-        if not as_json:
-            print(_sentence(str(image), recognizer, verdict))
+        for recognizer, verdict in zip(recognizers, verdicts, strict=True):
+            states.add(verdict.state)
+            record = {"image": str(image), "recognizer": recognizer.name}
+            records.append(record | verdict_record(verdict))
+            if not as_json:
+                print(_sentence(str(image), recognizer, verdict))
     if as_json:
         print_json(records)
     if any("error" in record for record in records):
         raise typer.Exit(1)
     if State.UNKNOWN in states:
         raise typer.Exit(3)
+
+
+@app.command("recheck")
+def recheck_command(
+    folder: Folder,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recognizer's JSON.")],
+    model: Annotated[str, typer.Option(help="Name or address of the other model.")],
+    as_json: Json = False,
+) -> None:
+    """Ask a recognizer's questions on another model about this project's images: what is lost?
+
+    The answers are kept, and so is your look at the test images. To optimize again for the other
+    model: tune PROJECT --model MODEL.
+    """
+    project, recognizer = Project.open(folder), Recognizer.load(file)
+    other = models.create(models.choose(model))
+    with interruptible() as stop:
+        found = _rechecked(recheck(recognizer, project, other, stop))
+    if found is None:
+        say("stopped by you; what was answered is kept")
+        raise typer.Exit(3)
+    project = Project.open(folder)
+    project.test_looks += 1
+    project.save()
+    lines = [side.sentence for side in found.sides] + ([found.says] if found.says else [])
+    lines.append(f"To optimize again for it: python -m vqa_state tune {folder} --model '{model}'")
+    tell(as_json, asdict(found), "\n".join(lines))
+
+
+def _rechecked(steps: Iterator[AskProgress | Rechecked]) -> Rechecked | None:
+    """Draw the asking; what came after it, if it was not stopped."""
+    found: list[Rechecked] = []
+
+    def asking() -> Iterator[AskProgress]:
+        for step in steps:
+            if isinstance(step, Rechecked):
+                found.append(step)
+            else:
+                yield step
+
+    show_asking(asking())
+    return found[0] if found else None
 
 
 def _sentence(image: str, recognizer: Recognizer, verdict: Verdict) -> str:

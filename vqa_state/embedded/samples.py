@@ -1,4 +1,7 @@
-"""`python -m vqa_state.embedded.samples --out projects`: the eleven sample projects."""
+"""`python -m vqa_state.embedded.samples --out projects`: the eleven sample projects.
+
+With `--probes DIR` it writes the pictures that a new model is shown (`vqa_state/checking.py`).
+"""
 
 import argparse
 import io
@@ -14,11 +17,14 @@ from vqa_state.project import Project
 from vqa_state.project_file import StateNames
 from vqa_state.splits import Split as Side
 
-__all__ = ["main", "write_project"]
+__all__ = ["main", "write_probes", "write_project"]
 
 #: The experiments of the paper whose pictures make up that on various doors.
 _DOORS = ("door", "elevator", "cabinet", "refrigerator")
 _VARIOUS = "various_doors"
+
+#: Scenes of no project whose states a person tells apart at a glance.
+_PROBES = {"light": 203, "door": 201, "display": 207}
 
 _N_PER_STATE = 10
 _SIZE = 256
@@ -51,12 +57,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m vqa_state.embedded.samples", description=__doc__
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    place = parser.add_mutually_exclusive_group(required=True)
+    place.add_argument("--out", type=Path, metavar="DIR")
+    place.add_argument("--probes", type=Path, metavar="DIR")
     chosen = parser.parse_args(arguments)
     with SceneRenderer(_SIZE) as renderer:
+        if chosen.probes is not None:
+            write_probes(chosen.probes, renderer)
+            return
         for experiment in track((*PAPER_THINGS, _VARIOUS), description="samples"):
             shutil.rmtree(chosen.out / experiment, ignore_errors=True)
             write_project(chosen.out / experiment, experiment, renderer)
+
+
+def write_probes(folder: Path, renderer: SceneRenderer) -> None:
+    """Write one picture of each state of some things, as THING_positive.jpg and so on."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for thing, number in _PROBES.items():
+        for state, picture in zip(
+            ("positive", "negative"), renderer.render(thing, Split.SAMPLE, number), strict=True
+        ):
+            path = folder / f"{thing}_{state}.jpg"
+            picture.image.save(path, "JPEG", quality=_QUALITY, optimize=True)
 
 
 def _samples(thing: str, renderer: SceneRenderer) -> Iterator[_Sample]:

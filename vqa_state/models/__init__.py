@@ -1,12 +1,14 @@
-"""VQA models by name. Each is imported only when it is first made."""
+"""VQA models by name or address. Each is imported only when it is first made."""
 
 from collections.abc import Callable
 from importlib import import_module
 
 from vqa_state.errors import MissingPackageError, UnknownModelError
+from vqa_state.models.address import ModelAddress
+from vqa_state.models.approval import approve, check_approved
 from vqa_state.models.base import Failure, Reply, VQAModel
 
-__all__ = ["Factory", "Failure", "Reply", "VQAModel", "create", "names", "register"]
+__all__ = ["Factory", "Failure", "Reply", "VQAModel", "choose", "create", "names", "register"]
 
 Factory = Callable[[], VQAModel]
 
@@ -28,22 +30,53 @@ def names() -> list[str]:
     return list(_factories)
 
 
-def create(name: str) -> VQAModel:
-    """Load the model called `name`.
+def choose(name: str) -> str:
+    """What the user typed or picked as a model: remember the yes, and give the name to keep.
+
+    Call it only for a user's own choice, never for what a file says.
 
     Raises:
-        UnknownModelError: if nothing is registered under `name`.
-        MissingPackageError: if a package that it needs is not installed.
-        ModelError: if its weights are missing or damaged.
+        UnknownModelError: if it is neither a registered name nor an address.
+        ModelError: if the address cannot be used.
+        ProjectError: if the yes cannot be written.
     """
-    if name not in _factories:
-        raise UnknownModelError(name, names())
+    address = _parsed(name)
+    if address is None:
+        return name
+    approve(address)
+    return str(address)
+
+
+def create(name: str) -> VQAModel:
+    """Load the model called `name`: a registered name, or an address (`models.address`).
+
+    Raises:
+        UnknownModelError: if it is neither.
+        NotApprovedError: if the user never chose this model on this machine.
+        MissingPackageError: if a package that it needs is not installed.
+        ModelError: if it is not on this disk, or its weights are damaged.
+    """
+    address = _parsed(name)
+    if address is not None:
+        check_approved(address)
+        from vqa_state.models.opening import open_model
+
+        return open_model(address)
     try:
         return _factories[name]()
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("vqa_state"):
             raise  # our own mistake, not a missing package
         raise MissingPackageError(name, error.name) from error
+
+
+def _parsed(name: str) -> ModelAddress | None:
+    """The address, or None for a registered name."""
+    if name in _factories:
+        return None
+    if ":" not in name:
+        raise UnknownModelError(name, names())
+    return ModelAddress.parse(name)
 
 
 def _embedded() -> VQAModel:

@@ -1,14 +1,14 @@
 """What a VQA model must be able to do."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from PIL.Image import Image
 
 from vqa_state.answers import Answer
 
-__all__ = ["Failure", "Reply", "VQAModel"]
+__all__ = ["Failure", "Interruptible", "Reply", "VQAModel"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,4 +65,15 @@ class VQAModel(Protocol):
         Raises:
             ModelError: if the model cannot answer anything more.
         """
+        ...
+
+
+@runtime_checkable
+class Interruptible(Protocol):
+    """A model whose calls can be given up while they hang or wait."""
+
+    def answer_until(
+        self, images: Sequence[Image], questions: Sequence[str], stop: Callable[[], bool]
+    ) -> Iterator[Reply]:
+        """As `VQAModel.answer`; once `stop` says so it ends within a second."""
         ...

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from vqa_state import models
+from vqa_state.checking import ModelCheck
 from vqa_state.errors import ProjectError
 from vqa_state.jobs import Jobs
 from vqa_state.models import VQAModel
@@ -39,6 +40,7 @@ class Desk:
         self._open: dict[str, _Open] = {}
         self._models: dict[str, VQAModel] = {}
         self._models_lock = threading.Lock()
+        self._checks: dict[str, ModelCheck] = {}
 
     def listing(self) -> dict[str, str]:
         """Id and name of every project, by name. A damaged one goes by the name of its folder."""
@@ -99,6 +101,14 @@ class Desk:
     def loaded(self, name: str) -> VQAModel | None:
         """The model if it is in memory already; nothing is loaded."""
         return self._models.get(name)
+
+    def check(self, name: str) -> ModelCheck | None:
+        """What was found of a model since the app was started, if it was checked."""
+        return self._checks.get(name)
+
+    def keep_check(self, name: str, found: ModelCheck) -> None:
+        """Remember what was found of a model."""
+        self._checks[name] = found
 
     def _name(self, pid: str) -> str:
         try:

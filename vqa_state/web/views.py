@@ -12,6 +12,7 @@ from vqa_state.report import ImageAnswer, image_answers
 __all__ = [
     "counted",
     "download",
+    "duration",
     "image_card",
     "image_row",
     "images_value",
@@ -27,6 +28,13 @@ Value = dict[str, Any]
 def note(text: str, tone: str = "plain", share: float | None = None) -> Value:
     """A line of text; tones: plain, good, warn, bad. `share` in [0, 1] draws a bar below."""
     return {"text": text, "tone": tone, "share": share}
+
+
+def duration(seconds: float) -> str:
+    """A time in words: "40 s", "12 min", "2.5 h"."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def unfolding(text: str, title: str, lines: Sequence[str]) -> Value:

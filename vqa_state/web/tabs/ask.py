@@ -6,14 +6,14 @@ from typing import Any
 
 import gradio as gr
 
-from vqa_state import models
 from vqa_state.asking import AskProgress, ask, plan
 from vqa_state.augment import Augmentation, AugmentationKind
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.web import checks, road, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
-from vqa_state.web.views import note
+from vqa_state.web.tabs import model
+from vqa_state.web.views import duration, note
 
 __all__ = ["Parts", "build", "wire"]
 
@@ -29,7 +29,7 @@ class Parts:
     """Components of the tab."""
 
     tab: gr.Tab
-    model: gr.Dropdown
+    choice: model.Parts
     kind: gr.Radio
     amount: gr.Slider
     n_copies: gr.Slider
@@ -43,7 +43,7 @@ class Parts:
 
 def build(tab: gr.Tab) -> Parts:
     """Draw the tab."""
-    model = gr.Dropdown(models.names(), label="Model", elem_id="model")
+    choice = model.build()
     with gr.Accordion("Advanced: copies of each image", open=False):
         gr.Markdown(
             "The model sees slightly changed copies of each image, and all of them vote. "
@@ -62,18 +62,20 @@ def build(tab: gr.Tab) -> Parts:
     progress = widgets.note("ask-progress")
     seen = gr.Textbox(visible=False)
     timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
-    return Parts(tab, model, kind, amount, n_copies, cost, start, stop, progress, seen, timer)
+    return Parts(tab, choice, kind, amount, n_copies, cost, start, stop, progress, seen, timer)
 
 
 def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
     settings = [parts.kind, parts.amount, parts.n_copies]
     watched = [parts.progress, parts.start, parts.stop, parts.seen]
-    page.fill(show, [parts.model, *settings, parts.cost])
+    chosen = parts.choice.model
+    page.fill(show, [chosen, *settings, parts.cost])
+    model.wire(parts.choice, page)
     page.refresh(parts.tab, costs, [parts.cost])
     for field in (parts.kind.input, parts.amount.release, parts.n_copies.release):
         page.change(field, augment, settings, [parts.cost])
-    started = page.on(parts.start.click, start, [parts.model], [])
+    started = page.on(parts.start.click, start, [chosen], [])
     for trigger in (started.success, page.arrived.then):
         ended = page.follow(trigger, follow, watched)
         page.then_road(page.on(ended.then, costs, (), [parts.cost]))
@@ -85,9 +87,9 @@ def show(desk: Desk, pid: str) -> Any:
     """Model, settings of the copies, and what asking costs."""
     with desk.reading(pid) as project:
         copies = project.augmentation
-        model = project.model if project.model in models.names() else None
+        name = project.model
     return (
-        gr.Dropdown(models.names(), value=model),
+        gr.Dropdown(model.listed(name), value=name),
         copies.kind.value,
         copies.amount,
         copies.n_copies,
@@ -118,9 +120,9 @@ def augment(desk: Desk, pid: str, kind: Any, amount: Any, n_copies: Any) -> Any:
     return costs(desk, pid)
 
 
-def start(desk: Desk, pid: str, model: Any) -> None:
+def start(desk: Desk, pid: str, chosen: Any) -> None:
     """Begin to ask, or attach to what is running."""
-    name = checks.text(model, "the model")
+    name = checks.text(chosen, "the model")
     plan(desk.snapshot(pid), "")  # what would fail in the job is refused at once
     desk.jobs.start(pid, KIND, asking(desk, pid, name))
 
@@ -129,10 +131,10 @@ def asking(desk: Desk, pid: str, name: str) -> Work:
     """The work: load the model, remember that it is the project's, ask."""
 
     def work(stop: StopFlag) -> Iterator[AskProgress]:
-        model = desk.model(name)
+        loaded = desk.model(name)
         with desk.changing(pid) as project:
-            project.model, project.fingerprint = name, model.fingerprint
-        yield from ask(desk.snapshot(pid), model, stop)
+            project.model, project.fingerprint = loaded.name, loaded.fingerprint
+        yield from ask(desk.snapshot(pid), loaded, stop)
 
     return work
 
@@ -188,7 +190,7 @@ def _headline(state: JobState, report: AskProgress) -> str:
         if report.n_failed:
             return "Done, but some calls failed. Ask again: only these are asked."
         return "Done: every question is answered. Next: Optimize."
-    left = "" if report.seconds_left is None else f", about {_seconds(report.seconds_left)} left"
+    left = "" if report.seconds_left is None else f", about {duration(report.seconds_left)} left"
     return f"Asking{left}"
 
 
@@ -196,9 +198,3 @@ def _tone(state: JobState, report: AskProgress) -> str:
     if state.alive:
         return "plain"
     return "good" if state is JobState.DONE and not report.n_failed else "warn"
-
-
-def _seconds(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,92 @@
+"""Downloads from a hub on this machine: progress, a stop, going on, refusals, no network."""
+
+import os
+import time
+
+import pytest
+from hub_stub import Hub
+from tiny_models import tiny_folder
+
+from vqa_state import models
+from vqa_state.errors import ModelError
+from vqa_state.models import hub as hub_module
+from vqa_state.models.address import ModelAddress
+from vqa_state.models.hub import cached_folder, download, is_cached
+from vqa_state.models.hub_child import wanted
+
+ADDRESS = ModelAddress.parse("hub:us/tiny-vilt")
+
+
+@pytest.fixture
+def hub(monkeypatch, tmp_path, data_home):
+    """Serves a tiny ViLT; the cache is empty."""
+    folder = tiny_folder("vilt")
+    files = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    files |= {"flax_model.msgpack": b"x" * 100, "onnx/model.safetensors": b"y"}
+    monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "cache"))
+    with Hub({"us/tiny-vilt": files, "us/closed": files}, gated={"us/closed"}) as running:
+        monkeypatch.setenv("HF_ENDPOINT", running.url)
+        monkeypatch.setenv("HF_HUB_DISABLE_XET", "1")
+        yield running
+
+
+def test_a_model_comes_here_once_and_can_be_used(hub):
+    assert not is_cached(ADDRESS)
+    with pytest.raises(ModelError, match=r"not on this disk; download it .*folder:/path/to/it"):
+        cached_folder(ADDRESS)
+    reports = list(download(ADDRESS))
+    assert reports[-1].n_bytes == reports[-1].total > 0
+    assert [one.n_bytes for one in reports] == sorted(one.n_bytes for one in reports)
+    assert is_cached(ADDRESS)
+    assert "flax_model.msgpack" not in hub.downloads
+    assert models.create(models.choose(str(ADDRESS))).name == str(ADDRESS)
+    n_downloads = len(hub.downloads)
+    list(download(ADDRESS))
+    assert len(hub.downloads) == n_downloads
+
+
+def test_a_stop_ends_it_at_once_and_the_next_goes_on(hub):
+    hub.models["us/tiny-vilt"]["model.safetensors"] += b" " * 8_000_000
+    hub.pause = 0.05
+    asked = []
+    for report in download(ADDRESS, lambda: bool(asked)):
+        if report.n_bytes > 1_000_000:
+            asked.append(time.monotonic())
+    assert report.stopped
+    assert time.monotonic() - asked[0] < 5  # at once, but a busy machine may look away
+    assert not is_cached(ADDRESS)
+    hub.pause = 0.0
+    assert not list(download(ADDRESS))[-1].stopped
+
+
+def test_weights_come_last_and_old_ones_only_alone():
+    sizes = dict.fromkeys(
+        ["a.safetensors", "config.json", "pytorch_model.bin", "vocab.txt", "onnx/b.json", "x.py"], 1
+    )
+    assert wanted(sizes) == ["config.json", "vocab.txt", "a.safetensors"]
+    del sizes["a.safetensors"]
+    assert wanted(sizes) == ["config.json", "vocab.txt", "pytorch_model.bin"]
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("us/closed", "accept its licence"), ("us/nothing", "no model us/nothing")],
+)
+def test_refusals_are_told_in_words(hub, name, says):
+    with pytest.raises(ModelError, match=says):
+        list(download(ModelAddress.parse(f"hub:{name}")))
+
+
+def test_without_network_the_error_says_so(hub, monkeypatch):
+    monkeypatch.setenv("HF_ENDPOINT", "http://127.0.0.1:9")
+    with pytest.raises(ModelError, match="check the network"):
+        list(download(ADDRESS))
+
+
+def test_a_child_that_is_killed_is_an_early_end(hub, monkeypatch):
+    monkeypatch.setattr(hub_module.sys, "executable", "/bin/true")
+    if not os.path.exists("/bin/true"):  # noqa: PTH110
+        monkeypatch.setattr(hub_module.sys, "executable", "/usr/bin/true")
+    with pytest.raises(ModelError, match="ended early"):
+        list(download(ADDRESS))

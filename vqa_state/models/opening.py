@@ -1,0 +1,74 @@
+"""Makes the model that an address names; loads what its family needs, and nothing else."""
+
+from importlib import import_module
+from pathlib import Path
+
+from vqa_state.errors import MissingPackageError, ModelError
+from vqa_state.models.address import ModelAddress, Source
+from vqa_state.models.base import VQAModel
+from vqa_state.models.families import Family, family_of, missing_weights
+from vqa_state.models.hub import cached_folder
+from vqa_state.models.runtime import choose_runtime
+
+__all__ = ["folder_of", "open_model"]
+
+#: Family -> module and class; all take (folder, name, runtime, prompt).
+_CLASSES = {
+    Family.BLIP: ("vqa_state.models.blip", "BlipModel"),
+    Family.VILT: ("vqa_state.models.vilt", "ViltModel"),
+    Family.OFA: ("vqa_state.models.ofa.model", "OfaModel"),
+    Family.CHAT: ("vqa_state.models.chat", "ChatModel"),
+}
+
+
+def open_model(address: ModelAddress) -> VQAModel:
+    """Load a local model, or make the client of a server.
+
+    Raises:
+        MissingPackageError: if a package that it needs is not installed.
+        ModelError: if it is not on this disk, is damaged or of a kind that we cannot use.
+    """
+    name = str(address)
+    try:
+        if address.source is Source.SERVER:
+            server = import_module("vqa_state.models.server")
+            return server.ServerModel(  # type: ignore[no-any-return]
+                address.where, address.model, name, address.prompt
+            )
+        folder = folder_of(address)
+        runtime = choose_runtime(address.device, address.precision)
+        module, kind = _CLASSES[_usable(folder)]
+        made = getattr(import_module(module), kind)(folder, name, runtime, address.prompt)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith("vqa_state"):
+            raise  # our own mistake, not a missing package
+        raise MissingPackageError(name, error.name) from error
+    return made  # type: ignore[no-any-return]
+
+
+def folder_of(address: ModelAddress) -> Path:
+    """The folder of a local model.
+
+    Raises:
+        ModelError: if it is not on this disk.
+    """
+    if address.source is Source.HUB:
+        return cached_folder(address)
+    folder = Path(address.where).expanduser()
+    if not folder.is_dir():
+        raise ModelError(
+            f"there is no folder {folder}; copy the model there, or name the folder that holds it"
+        )
+    return folder
+
+
+def _usable(folder: Path) -> Family:
+    family, missing = family_of(folder), missing_weights(folder)
+    if not missing:
+        return family
+    if (folder / "pytorch_model.bin").is_file():
+        raise ModelError(
+            f"{folder} holds its weights as pytorch_model.bin, which is not read; make a safe copy "
+            f"of them once with: python -m vqa_state models convert {str(folder)!r}"
+        )
+    raise ModelError(f"{folder} lacks {', '.join(missing[:3])}; download or copy the model again")
