@@ -72,22 +72,18 @@ def beam_search(
     found: list[list[Found]] = [[] for _ in range(n)]
     tokens = prompts[:, None]  # (n_questions, n_rows, n_words), one row before the first step
     scores = torch.zeros(n, 1, device=logits.device)
-    ended = torch.zeros(n, size, dtype=torch.bool, device=logits.device)
     logits = logits[:, None]
     for step in range(settings.max_length + 1):
         steps = torch.log_softmax(logits, dim=-1)
         _forbid(steps, tokens, step, prompts.shape[1], settings)
         best, rows, words = _best(scores[..., None] + steps, 2 * size)
         ends = (words == EOS) & best.isfinite()
-        ends[:, :size] &= ~ended
         _collect(found, tokens[..., prompts.shape[1] :], (best, rows, ends), settings)
         if step == settings.max_length or all(len(answers) == size for answers in found):
             break
-        ends[:, :size] |= ended
-        # Rows that go on first, in the order of their scores; then those that have ended.
+        # Of 2 * size candidates at most `size` end, one a row; the best of the others go on.
         order = torch.arange(2 * size, device=words.device) + ends * 2 * size
-        order, chosen = torch.topk(order, size, dim=1, largest=False)
-        ended = order >= 2 * size
+        chosen = torch.topk(order, size, dim=1, largest=False).indices
         scores, rows, words = (x.gather(1, chosen) for x in (best, rows, words))
         kept = torch.arange(n, device=rows.device)[:, None] * tokens.shape[1] + rows
         tokens = torch.cat([tokens.flatten(0, 1)[kept], words[..., None]], dim=2)
