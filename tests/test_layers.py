@@ -38,6 +38,8 @@ ORDER = [
     "comparing",
     "evaluation",
     "coverage",
+    "recognizer_file",
+    "recognizer_calls",
     "recognizer",
     "rechecking",
     "tuning",
