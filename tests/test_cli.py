@@ -170,7 +170,7 @@ def test_a_stopped_search_says_so(run, folder, monkeypatch):
     monkeypatch.setattr(running, "interruptible", at_once)
     code, out, err = run("optimize", folder, "--json")
     assert (code, json.loads(out)["finished"]) == (3, False)
-    assert "stopped by you at generation 0 of 5" in err
+    assert "stopped by you at generation 0 of 105" in err
 
 
 def test_a_project_that_changes_meanwhile_loses_nothing(run, folder, monkeypatch):

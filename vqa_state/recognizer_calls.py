@@ -8,7 +8,7 @@ from PIL import Image
 from vqa_state.answers import Answer
 from vqa_state.augment import Augmentation, copies
 from vqa_state.errors import ModelError
-from vqa_state.images import pixel_hash, read_file, read_picture
+from vqa_state.images import pixel_hash, read_file, read_picture, rgb_pixels
 from vqa_state.models.base import Failure, VQAModel
 from vqa_state.recognizer_file import Copies
 

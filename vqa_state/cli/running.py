@@ -19,6 +19,7 @@ from vqa_state.cli.terminal import (
 )
 from vqa_state.project import Project
 from vqa_state.scores import ObjectiveWeights
+from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.tuning import optimize
 
@@ -66,6 +67,10 @@ def ask_command(
 def optimize_command(
     folder: Folder,
     seed: Seed = None,
+    engine: Annotated[
+        Engine | None,
+        typer.Option(help="paper: its one genetic search; default: longer, with proof; kept."),
+    ] = None,
     population: Annotated[int | None, typer.Option(min=2, help="Individuals; kept.")] = None,
     generations: Annotated[int | None, typer.Option(min=0, help="Generations; kept.")] = None,
     crossover: Annotated[float | None, typer.Option(min=0, max=1, help="Rate; kept.")] = None,
@@ -86,6 +91,7 @@ def optimize_command(
         "bit_flip": bit_flip,
         "tournament": tournament,
     }
+    project.engine = engine or project.engine
     project.search = _settings(project, given)
     project.weights = _weights(project, alpha, beta)
     project.search_seed = project.search_seed if seed is None else seed
@@ -128,9 +134,11 @@ def _optimize(project: Project) -> bool:
     """Whether every search came to its end."""
     with interruptible() as stop:
         last = show_search(optimize(project, stop))
-    if last.generation < last.total:
+    if not last.searched:
         say(f"stopped by you at generation {last.generation} of {last.total}; the best is kept")
-    return last.generation == last.total
+    elif last.stopped:
+        say("stopped by you while proving; the best and its bound are kept")
+    return not last.stopped
 
 
 def _settings(project: Project, given: dict[str, float | None]) -> SearchSettings:

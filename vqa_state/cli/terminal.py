@@ -129,6 +129,8 @@ def show_search(reports: Iterator[OptimizeProgress]) -> OptimizeProgress:
                 f"{objective.value} {one.terms.n_recognized}/{one.terms.n_images}"
                 for objective, one in last.reports.items()
             ]
+            if last.proving:
+                terms = [f"{o.value} {proof.sentence}" for o, proof in last.proofs.items()]
             note = " · ".join(terms)
             bar.update(task, total=last.total, completed=last.generation, note=note)
     return last
