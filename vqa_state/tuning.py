@@ -41,9 +41,11 @@ __all__ = [
     "Results",
     "SavedSearch",
     "optimize",
+    "paper_recognizer",
     "recognizer_path",
     "refresh",
     "results",
+    "table_digest",
 ]
 
 
@@ -225,7 +227,7 @@ def _fits(saved: SavedSearch, objective: Objective, train: AnswerTable) -> bool:
     """Whether a search is of these answers, and could have come from this program."""
     positions = set(saved.subset) | set(saved.paper.subset if saved.paper else ())
     return (
-        saved.table == _digest(train)
+        saved.table == table_digest(train)
         and saved.objective is objective
         and len(set(saved.subset)) == len(saved.subset)
         and max(positions) < train.n_questions
@@ -245,7 +247,7 @@ def refresh(project: Project) -> Results | None:
         if found is None:
             path.unlink(missing_ok=True)
             continue
-        recognizer = _recognizer(project, found, objective)
+        recognizer = paper_recognizer(project, found, objective)
         if not path.exists() or path.read_bytes() != recognizer.to_bytes():
             recognizer.save(path)
     return found
@@ -267,7 +269,7 @@ def _keep(
         proof, paper = progress.proofs.get(objective), papers.get(objective)
         saved = SavedSearch(
             objective=objective,
-            table=_digest(train),
+            table=table_digest(train),
             engine=project.engine,
             weights=project.weights,
             settings=project.search,
@@ -298,7 +300,8 @@ def _paper_run(report: SearchReport) -> PaperRun:
     )
 
 
-def _recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:
+def paper_recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:
+    """With the paper's vote, as recognizers/OBJECTIVE.json has it."""
     saved = found.searches[objective]
     row = next(r for r in found.evaluation.rows if r.name == Candidate(objective.value))
     questions = [found.train.questions[position] for position in saved.subset]
@@ -371,7 +374,7 @@ def _complete(table: AnswerTable) -> AnswerTable:
     return table.take(table.complete)
 
 
-def _digest(table: AnswerTable) -> str:
+def table_digest(table: AnswerTable) -> str:
     """Of all that a search sees, and of nothing of the test images."""
     digest = hashlib.sha256(repr((table.image_ids, table.questions)).encode())
     digest.update(table.verdicts.tobytes())
