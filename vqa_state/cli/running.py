@@ -7,16 +7,19 @@ import typer
 
 from vqa_state import models
 from vqa_state.asking import AskProgress, ask, plan
+from vqa_state.assessing import assess
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
-from vqa_state.cli.options import Folder, Json, Seed, app, show, tell
+from vqa_state.cli.options import Folder, Json, Seed, app, found_results, show, tell
 from vqa_state.cli.terminal import (
     asked_sentence,
     interruptible,
     plan_record,
     say,
     show_asking,
+    show_assessing,
     show_search,
 )
+from vqa_state.errors import NothingToSearchError
 from vqa_state.project import Project
 from vqa_state.scores import ObjectiveWeights
 from vqa_state.search.default import Engine
@@ -106,20 +109,53 @@ def tune(
     folder: Folder,
     model: Annotated[str | None, typer.Option(help="Name or address of the model; kept.")] = None,
     seed: Seed = None,
+    engine: Annotated[
+        Engine | None, typer.Option(help="How to search: default or paper; kept.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """All of it for one project: ask, optimize, report, write the recognizers."""
+    """All of it for one project: ask, optimize, assess, report, write the recognizers."""
     project = Project.open(folder)
     project.model = models.choose(model) if model else project.model
     project.search_seed = project.search_seed if seed is None else seed
+    project.engine = engine or project.engine
     project.assign_splits()
     progress = _ask(project)
     say(asked_sentence(progress))
     if progress.stopped:
         raise typer.Exit(3)
     finished = _optimize(Project.open(folder))
+    finished = finished and _assess(Project.open(folder))
     show(folder, as_json)
     _exit_unless(finished and not progress.n_failed)
+
+
+@app.command("assess")
+def assess_command(folder: Folder, as_json: Json = False) -> None:
+    """How good is it on new images, what does it cost, and what else could one take?
+
+    Kinds of vote, an out-of-bag estimate, a trained image classifier as a rival, the frontier of
+    accuracy against calls, accuracy against coverage. Made of training images; kept until answers
+    or labels change.
+    """
+    project = Project.open(folder)
+    found_results(project)
+    finished = _assess(project)
+    show(folder, as_json)
+    _exit_unless(finished)
+
+
+def _assess(project: Project) -> bool:
+    """Whether the assessment came to its end; too few images for one are told, and no failure."""
+    try:
+        with interruptible() as stop:
+            found = show_assessing(assess(project, stop))
+    except NothingToSearchError as error:
+        say(f"not assessed: {error}")
+        return True
+    if found is None or not found.finished:
+        say("stopped by you while assessing; what came is kept")
+    return found is not None and found.finished
 
 
 def _ask(project: Project) -> AskProgress:
