@@ -50,10 +50,9 @@ def test_a_stop_ends_it_at_once_and_the_next_goes_on(hub):
     hub.models["us/tiny-vilt"]["model.safetensors"] += b" " * 8_000_000
     hub.pause = 0.05
     asked = []
-    for report in download(ADDRESS, lambda: bool(asked)):
-        if report.n_bytes > 1_000_000:
+    for _ in download(ADDRESS, lambda: bool(asked)):
+        if "model.safetensors" in hub.downloads:
             asked.append(time.monotonic())
-    assert report.stopped
     assert time.monotonic() - asked[0] < 5  # at once, but a busy machine may look away
     assert not is_cached(ADDRESS)
     hub.pause = 0.0

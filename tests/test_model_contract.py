@@ -1,6 +1,7 @@
 """One suite over all models: what `VQAModel` promises holds for every family."""
 
 import tempfile
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -10,6 +11,8 @@ from PIL import Image
 
 from vqa_state.answers import Answer
 from vqa_state.models.base import Failure
+
+pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 
 QUESTIONS = ("Is this door open?", "Does this image look like the door is closed?", "Is it on?")
 FAMILIES = (
@@ -33,7 +36,9 @@ def kind(kinds, request):
 
 @pytest.fixture(scope="module")
 def model(kind):
-    return kind.make()
+    with warnings.catch_warnings():  # a mark does not reach a fixture of the module
+        warnings.filterwarnings("ignore", "__array__ implementation", DeprecationWarning)
+        return kind.make()
 
 
 def noise(seed, size=(48, 36), mode="RGB"):

@@ -87,9 +87,9 @@ def download(
         stderr=subprocess.DEVNULL,
         text=True,
     )
+    assert child.stdout is not None  # noqa: S101  # it is piped
     progress = DownloadProgress()
     try:
-        assert child.stdout is not None  # noqa: S101  # it is piped
         first = _said(child.stdout.readline())
         total = int(str(first.get("total", 0)))
         folder = Path(str(first.get("folder", "")))
@@ -109,6 +109,7 @@ def download(
     finally:
         child.kill()
         child.wait()
+        child.stdout.close()
 
 
 def _said(line: str) -> dict[str, object]:
