@@ -21,6 +21,7 @@ from vqa_state.early_stop import Schedule, calls_needed
 from vqa_state.evaluation import Candidate, Interval, exact_interval
 from vqa_state.pace import milliseconds
 from vqa_state.scores import Objective
+from vqa_state.search.proof import Badge
 from vqa_state.tuning import Results, SavedSearch
 from vqa_state.voting.estimates import Estimate, optimism_warning
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
@@ -315,7 +316,7 @@ def _badge(objective: Objective, saved: SavedSearch) -> str:
     else:
         gap = math.ceil(max(0.0, saved.proof.bound - saved.proof.value) * 100) / 100
         found = f"{saved.proof.badge.value} (E = {saved.proof.value:.3f}"
-        found += "" if gap == 0 else f", at most {gap:.2f} below the bound"
+        found += "" if saved.proof.badge is Badge.BEST else f", at most {gap:.2f} below the bound"
         found += f"; no subset recognizes more than {saved.proof.n_bound} training images)"
     if saved.paper is not None:
         found += f"; the paper's one search found E = {saved.paper.value:.3f}"
