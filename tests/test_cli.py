@@ -93,6 +93,60 @@ def test_tune_twice_gives_the_same_bytes_and_asks_nothing_again(run, folder):
     assert recognizer_path(Project.open(folder), Objective.S_PLUS).read_bytes() == first
 
 
+def test_what_it_is_worth_and_every_vote_exported(run, tmp_path, folder, photos):
+    run("optimize", folder, *QUICK)
+    code, _, err = run("export", folder, tmp_path / "r.json", "--vote", "threshold")
+    assert (code, "run `python -m vqa_state assess" in " ".join(err.split())) == (1, True)
+    code, out, _ = run("assess", folder, "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert {"recommendation", "badges", "warnings", "sentences", "coverage"} <= set(document)
+    assert document["frontier"]
+    assert document["recognizers"][0]["estimate"]["share"] is not None
+    page = tmp_path / "page" / "r.html"
+    code, out, _ = run("report", folder, "--html", page)
+    assert code == 0
+    assert "Recommended: the vote by" in out
+    assert "<svg" in page.read_text()
+    code, out, _ = run(
+        "export", folder, tmp_path / "r.json", "--vote", "weighted answers", "--coverage", 0.8
+    )
+    recognizer = Recognizer.load(tmp_path / "r.json")
+    assert (code, recognizer.vote, recognizer.abstain.coverage) == (0, "weighted answers", 0.8)
+    picture = photos / "open" / "1.png"
+    whole = json.loads(run("recognize", tmp_path / "r.json", picture, "--json")[1])[0]
+    early = json.loads(run("recognize", tmp_path / "r.json", picture, "--json", "--stop-early")[1])
+    assert early[0]["state"] == whole["state"]
+    assert early[0]["n_calls"] + early[0]["n_skipped"] == whole["n_calls"]
+    code, _, err = run("export", folder, tmp_path / "r.json", "--vote", "weighted p_yes")
+    assert (code, "no probabilities" in err) == (1, True)
+
+
+def test_suggested_labels_are_kept_only_if_accepted(run, tmp_path, folder):
+    run("optimize", folder, *QUICK)
+    for number in (100, 101):
+        (tmp_path / f"new{number}.png").write_bytes(picture(number))
+        run("add", folder, tmp_path / f"new{number}.png")
+    suggested = json.loads(run("label", folder, "--suggest", "--json")[1])
+    new = {i.id for i in Project.open(folder).images.values() if i.name.startswith("new")}
+    assert {one["id"] for one in suggested} <= new
+    assert all(Project.open(folder).images[image_id].label is None for image_id in new)
+    assert run("label", folder, "--accept")[0] == 2
+    code, out, _ = run("label", folder, "--suggest", "--accept", "--json")
+    assert (code, [one["id"] for one in json.loads(out)]) == (0, [o["id"] for o in suggested])
+    images = Project.open(folder).images
+    assert all(images[one["id"]].split == "train" for one in suggested)
+    assert all(images[one["id"]].label is not None for one in suggested)
+
+
+def test_the_papers_engine_is_kept(run, folder):
+    assert run("optimize", folder, *QUICK, "--engine", "paper")[0] == 0
+    project = Project.open(folder)
+    assert project.engine == "paper"
+    origin = Recognizer.load(recognizer_path(project, Objective.S_PLUS)).origin
+    assert (origin.engine, origin.proof, origin.generations) == ("paper", None, 5)
+
+
 def test_add_reports_refused_files_and_goes_on(run, tmp_path, photos):
     run("new", tmp_path / "p", "--name", "door")
     code, out, err = run("add", tmp_path / "p", photos, "--json")
@@ -170,7 +224,7 @@ def test_a_stopped_search_says_so(run, folder, monkeypatch):
     monkeypatch.setattr(running, "interruptible", at_once)
     code, out, err = run("optimize", folder, "--json")
     assert (code, json.loads(out)["finished"]) == (3, False)
-    assert "stopped by you at generation 0 of 5" in err
+    assert "stopped by you at generation 0 of 105" in err
 
 
 def test_a_project_that_changes_meanwhile_loses_nothing(run, folder, monkeypatch):
@@ -279,6 +333,7 @@ def test_every_command_has_help():
         "grid",
         "ask",
         "optimize",
+        "assess",
         "tune",
         "report",
         "export",

@@ -21,8 +21,12 @@ from vqa_state.report import (
     score_frame,
     term_sentences,
 )
-from vqa_state.scores import Objective
-from vqa_state.search.genetic import SearchSettings
+from vqa_state.scores import Objective, count
+from vqa_state.search.default import CLIMBS, Engine
+from vqa_state.search.exact import enumerate_subsets
+from vqa_state.search.fitness import Fitness
+from vqa_state.search.genetic import SearchSettings, search
+from vqa_state.search.proof import Badge
 from vqa_state.splits import Split
 from vqa_state.tuning import optimize, recognizer_path, refresh, results
 from vqa_state.verdict import State
@@ -59,9 +63,65 @@ def tuned(project):
 
 def test_all_objectives_walk_together(asked):
     reports, found = tuned(asked)
-    assert [report.generation for report in reports] == list(range(SMALL.generations + 1))
+    searching = [report for report in reports if not report.proving]
+    n_steps = SMALL.generations + CLIMBS // 4
+    assert [report.generation for report in searching] == list(range(n_steps + 1))
     assert set(found.searches) == set(Objective)
-    assert all(one.finished and len(one.curve) == 9 for one in found.searches.values())
+    assert all(one.finished and len(one.curve) == n_steps + 1 for one in found.searches.values())
+
+
+def test_subsets_are_proved_best_and_beside_the_papers(asked):
+    reports, found = tuned(asked)
+    assert all(proof.finished for proof in reports[-1].proofs.values())
+    counts = count(found.train)
+    for objective, saved in found.searches.items():
+        best = exact_best(counts, objective)
+        assert saved.proof.badge is Badge.BEST
+        assert saved.proof.value == saved.proof.bound == round(best.value, 6)
+        fitness = Fitness(counts, objective)
+        assert fitness.terms(saved.subset).value == best.value
+        assert saved.paper.value == fitness.terms(saved.paper.subset).value <= best.value
+        origin = Recognizer.load(recognizer_path(asked, objective)).origin
+        assert (origin.engine, origin.proof) == (Engine.DEFAULT, saved.proof)
+
+
+def exact_best(counts, objective):
+    *_, last = enumerate_subsets(counts, objective)
+    return last.terms
+
+
+def test_the_papers_engine_is_its_one_search(asked):
+    asked.engine = Engine.PAPER
+    reports, found = tuned(asked)
+    assert [report.generation for report in reports] == list(range(SMALL.generations + 1))
+    *_, alone = search(
+        count(found.train), Objective.S_PLUS, settings=SMALL, seed=0, singles_first=False
+    )
+    saved = found.searches[Objective.S_PLUS]
+    assert saved.subset == alone.subset
+    assert (saved.proof, saved.paper, saved.engine) == (None, None, Engine.PAPER)
+
+
+def test_searches_of_version_1_are_still_read(asked):
+    _, found = tuned(asked)
+    for objective, saved in found.searches.items():
+        content = saved.model_dump(mode="json", exclude={"engine", "proof", "paper"})
+        path = asked.folder / "searches" / f"{objective.name.lower()}.json"
+        path.write_text(json.dumps(content | {"schema_version": 1}))
+    again = refresh(asked)
+    assert {o: s.subset for o, s in again.searches.items()} == {
+        o: s.subset for o, s in found.searches.items()
+    }
+
+
+def test_a_stop_while_proving_keeps_a_bound(asked):
+    last_generation = SMALL.generations + CLIMBS // 4
+    seen = iter(range(last_generation + 1))  # asked once a report of the search, then by the proofs
+    *_, last = optimize(asked, lambda: next(seen, None) is None)
+    assert last.stopped
+    assert last.searched
+    saved = results(asked).searches
+    assert not all(one.finished for one in saved.values())
 
 
 def test_recognizing_the_test_images_gives_the_test_table(asked, model):
@@ -161,7 +221,7 @@ def test_every_term_is_told(asked):
     said = term_sentences(found)
     assert [sentence.split(":")[0] for sentence in said] == [one.value for one in Objective]
     for sentence, report in zip(said, found.searches.values(), strict=True):
-        assert f"= {report.curve[-1][0]:.3f}, " in sentence
+        assert f"= {report.proof.value:.3f}, " in sentence
         assert "above all questions by" in sentence or "no better than all" in sentence
 
 

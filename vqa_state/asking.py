@@ -199,7 +199,8 @@ def answer_table(project: Project, split: Split) -> AnswerTable:
 def _p_positive(answer: Answer, question: Question) -> float:
     if answer.p_yes is None:
         return float("nan")
-    return answer.p_yes if question.yes_means > 0 else 1.0 - answer.p_yes
+    p_yes = round(answer.p_yes, 6)  # votes count millionths, the same from either side
+    return p_yes if question.yes_means > 0 else 1.0 - p_yes
 
 
 @dataclass(frozen=True, slots=True)

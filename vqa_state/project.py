@@ -25,6 +25,7 @@ from vqa_state.project_file import (
 )
 from vqa_state.questions import Question, QuestionGrid, clean_text
 from vqa_state.scores import Objective, ObjectiveWeights
+from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split, astride, divide, look_alikes
 
@@ -62,6 +63,8 @@ class Project:
     """Of the copies and of the split."""
     augmentation: Augmentation = field(default_factory=Augmentation)
     search_seed: int = 0
+    engine: Engine = Engine.DEFAULT
+    """How to search: longer and with proof, or exactly as in the paper."""
     search: SearchSettings = field(default_factory=SearchSettings)
     weights: ObjectiveWeights = field(default_factory=ObjectiveWeights)
     chosen: Objective = Objective.S_PLUS

@@ -11,6 +11,7 @@ from vqa_state.augment import Augmentation
 from vqa_state.errors import ProjectError, QuestionError
 from vqa_state.questions import QuestionGrid, clean_text
 from vqa_state.scores import Objective, ObjectiveWeights
+from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
 
@@ -83,6 +84,7 @@ class ProjectFile(BaseModel):
     seed: Annotated[int, Field(ge=0, lt=2**32)]
     augmentation: Augmentation
     search_seed: Annotated[int, Field(ge=0, lt=2**32)]
+    engine: Engine = Engine.DEFAULT
     search: SearchSettings
     weights: ObjectiveWeights
     chosen: Objective

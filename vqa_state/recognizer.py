@@ -6,7 +6,6 @@ Loading needs neither gradio nor a search library. The same choice gives the sam
 times, dates or paths stand in the file.
 """
 
-import hashlib
 import json
 import time
 from collections.abc import Mapping, Sequence
@@ -14,26 +13,46 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from vqa_state import models
-from vqa_state.answers import PARSER_VERSION, Answer
-from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind, copies
-from vqa_state.errors import ModelError, RecognizerError
+from vqa_state.abstaining import AbstainRule, Judgement
+from vqa_state.answers import MISSING, PARSER_VERSION, Answer
+from vqa_state.early_stop import verdict_so_far
+from vqa_state.errors import RecognizerError
 from vqa_state.files import write_atomically
-from vqa_state.images import pixel_hash, read_file, read_picture, rgb_pixels
-from vqa_state.models.address import MAX_ADDRESS
-from vqa_state.models.base import Failure, VQAModel
+from vqa_state.models.base import VQAModel
 from vqa_state.questions import MAX_QUESTIONS
-from vqa_state.scores import Objective, ObjectiveWeights
-from vqa_state.search.genetic import SearchSettings
+from vqa_state.recognizer_calls import ask_all, picture_pixels, shifted
+from vqa_state.recognizer_file import (
+    SCHEMA_VERSION,
+    Abstain,
+    Copies,
+    EstimateRecord,
+    ModelReference,
+    Origin,
+    ProofRecord,
+    Record,
+    ScoreRecord,
+    Scores,
+    States,
+    WeightedQuestion,
+    content_digest,
+    upgraded,
+)
 from vqa_state.verdict import State, Verdict, Vote
+from vqa_state.voting.kinds import FittedVote, VoteKind
 
 __all__ = [
+    "Abstain",
     "Copies",
+    "EstimateRecord",
     "ModelReference",
     "Origin",
+    "ProofRecord",
     "Recognizer",
     "ScoreRecord",
     "Scores",
@@ -43,81 +62,16 @@ __all__ = [
     "recognize_all",
 ]
 
-SCHEMA_VERSION: Final = 1
 MAX_FILE_BYTES: Final = 5_000_000
-MAX_FINGERPRINT: Final = 10_000
+
+Said = NDArray[np.int8]
+Shares = NDArray[np.float32]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class States(_Record):
-    """What the two states are called."""
-
-    positive: Annotated[str, Field(min_length=1, max_length=300)]
-    negative: Annotated[str, Field(min_length=1, max_length=300)]
-
-
-class ModelReference(_Record):
-    """The model that the questions were chosen for. Its revision stands in the fingerprint."""
-
-    name: Annotated[str, Field(min_length=1, max_length=MAX_ADDRESS)]
-    fingerprint: Annotated[str, Field(min_length=1, max_length=MAX_FINGERPRINT)]
-
-
-class Copies(_Record):
-    """The copies of an image that the questions are asked about."""
-
-    kind: AugmentationKind
-    amount: Annotated[float, Field(gt=0, le=1)]
-    n_copies: Annotated[int, Field(ge=1, le=MAX_COPIES)]
-    seed: Annotated[int, Field(ge=0)]
-
-
-class WeightedQuestion(_Record):
-    """A question, the state that "yes" speaks for, and what its answers weigh in the vote."""
-
-    text: Annotated[str, Field(min_length=1, max_length=300)]
-    yes_means: Literal[-1, 1]
-    weight: Annotated[float, Field(gt=0)] = 1.0
-
-
-class Origin(_Record):
-    """How the questions were chosen; `finished` is False if a user stopped the search."""
-
-    engine: Literal["paper"] = "paper"
-    objective: Objective
-    weights: ObjectiveWeights
-    settings: SearchSettings
-    seed: int
-    generations: int
-    finished: bool
-
-
-class ScoreRecord(_Record):
-    """Result on one side of the images; 95 % intervals (R_img: share recognized) on test only."""
-
-    n_recognized: int
-    n_images: int
-    R_ave: float
-    R_invalid: float
-    R_img_interval: tuple[float, float] | None = None
-    R_ave_interval: tuple[float, float] | None = None
-    R_invalid_interval: tuple[float, float] | None = None
-
-
-class Scores(_Record):
-    """Training images chose the questions; only the test images say how good they are."""
-
-    train: ScoreRecord
-    test: ScoreRecord | None
-
-
-class Recognizer(_Record):
+class Recognizer(Record):
     """Questions whose vote recognizes a state; see the module's first lines for its use."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[2] = SCHEMA_VERSION
     name: Annotated[str, Field(min_length=1, max_length=300)]
     states: States
     model: ModelReference
@@ -125,13 +79,16 @@ class Recognizer(_Record):
     questions: Annotated[
         tuple[WeightedQuestion, ...], Field(min_length=1, max_length=MAX_QUESTIONS)
     ]
+    vote: VoteKind = VoteKind.PAPER
+    """How answers are counted; vqa_state/voting/kinds.py has the formulas."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    """Share of the valid votes above which the positive state wins."""
-    abstain: Literal["tie"] = "tie"
-    """When the verdict is unknown: exactly at the threshold, or without a valid vote."""
+    """Share above which the positive state wins; at most six digits."""
+    abstain: Abstain = Abstain()
+    """When the verdict is unknown; always exactly at the threshold or without a valid vote."""
     parser_version: Annotated[int, Field(ge=1, le=PARSER_VERSION)] = PARSER_VERSION
     origin: Origin
     scores: Scores
+    estimate: EstimateRecord | None = None
     calls_per_image: int
     digest: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
     """SHA-256 of all the rest; it finds damage, it is no signature."""
@@ -148,6 +105,7 @@ class Recognizer(_Record):
                 f"calls_per_image must be copies × questions = "
                 f"{self.copies.n_copies * len(texts)}, got {self.calls_per_image}"
             )
+        self.rule()  # says what is wrong with weights or threshold
         return self
 
     @classmethod
@@ -170,7 +128,8 @@ class Recognizer(_Record):
     def to_bytes(self) -> bytes:
         """The file's content, with its digest."""
         content = self.model_dump(mode="json", exclude={"digest"})
-        return (json.dumps(content | {"digest": _digest(content)}, indent=1) + "\n").encode()
+        digest = {"digest": content_digest(content)}
+        return (json.dumps(content | digest, indent=1) + "\n").encode()
 
     def save(self, path: str | Path) -> None:
         """Write the file, whole or not at all.
@@ -180,8 +139,24 @@ class Recognizer(_Record):
         """
         write_atomically(Path(path), self.to_bytes())
 
+    def rule(self) -> AbstainRule:
+        """The vote and its abstaining; the questions' positions are those of this file."""
+        n_questions = len(self.questions)
+        vote = FittedVote(
+            kind=self.vote,
+            questions=tuple(range(n_questions)),
+            weights=tuple(question.weight for question in self.questions),
+            flipped=(False,) * n_questions,  # a flip stands in yes_means
+            threshold=self.threshold,
+        )
+        return AbstainRule(vote, self.abstain.min_sureness)
+
     def recognize(
-        self, image: str | Path | bytes | Image.Image, model: VQAModel | None = None
+        self,
+        image: str | Path | bytes | Image.Image,
+        model: VQAModel | None = None,
+        *,
+        stop_early: bool = False,
     ) -> Verdict:
         """Ask this recognizer's questions about one image and count the votes.
 
@@ -189,10 +164,14 @@ class Recognizer(_Record):
             image: a file's path or content, or an opened picture (a webcam frame).
             model: to share a loaded model between recognizers; without it, the one that the file
                 names is loaded on first use and kept.
+            stop_early: ask copy by copy, and only until the rest cannot change the verdict. The
+                state is always the same; `n_skipped` says what was saved. Worth it where calls are
+                slow or cost money.
 
         Raises:
             ImageError: if the picture cannot be read.
-            RecognizerError: if the model is another one than the questions were chosen for.
+            RecognizerError: if the model is another one than the questions were chosen for, or
+                gives no probability where the vote needs one.
             ModelError: if the model cannot be loaded, or gave not all answers: a failed call is
                 an error, never a verdict.
         """
@@ -200,45 +179,99 @@ class Recognizer(_Record):
         self.check_model(model)
         began = time.perf_counter()
         texts = [question.text for question in self.questions]
-        answers = _ask(model, _pixels(image), self.copies, texts)
-        milliseconds = 1000 * (time.perf_counter() - began)
-        return self.verdict(self.votes(answers), milliseconds)
+        pictures = shifted(picture_pixels(image), self.copies)
+        if not stop_early:
+            votes = self.votes(ask_all(model, pictures, texts))
+            return self.verdict(votes, 1000 * (time.perf_counter() - began))
+        answers: dict[tuple[int, str], Answer] = {}
+        for number in range(len(pictures)):
+            said = ask_all(model, pictures[number : number + 1], texts)
+            answers |= {(number, text): answer for (_, text), answer in said.items()}
+            votes = self.votes(answers, n_copies=number + 1)
+            verdict = self.verdict_so_far(votes, 1000 * (time.perf_counter() - began))
+            if verdict is not None:
+                return verdict
+        raise AssertionError("a vote on all copies is always settled")
 
     def verdict(self, votes: Sequence[Vote], milliseconds: float = 0.0) -> Verdict:
-        """Count votes. Source: paper II-A for weight 1 and threshold 0.5, decided with integers."""
-        weight = {question.text: question.weight for question in self.questions}
-        valid = [vote for vote in votes if vote.speaks_for]
-        total = sum(weight[vote.question] for vote in valid)
-        positive = sum(weight[vote.question] for vote in valid if vote.speaks_for > 0)
-        state, reason = self._decide(positive, total)
-        share = positive / total if total else float("nan")
-        n_positive = sum(vote.speaks_for > 0 for vote in valid)
+        """Count the votes of all questions about all copies, in whole numbers.
+
+        Raises:
+            ValueError: if an answer is missing.
+
+        Source: paper II-A for the paper's vote; `vqa_state.abstaining` for the rest.
+        """
+        judged = self.rule().judge(*self._arrays(votes))
+        return self._verdict(votes, judged, judged.reason(self.states.positive), milliseconds)
+
+    def verdict_so_far(self, votes: Sequence[Vote], milliseconds: float = 0.0) -> Verdict | None:
+        """The verdict, if the answers that are still missing cannot change it; else None.
+
+        Its sureness is the least that the open answers could leave; if unknown, the most.
+        """
+        rule, (said, p_positive) = self.rule(), self._arrays(votes)
+        n_open = int((said == MISSING).sum())
+        if n_open == 0:
+            return self.verdict(votes, milliseconds)
+        state = verdict_so_far(rule, said, p_positive)
+        if state is None:
+            return None
+        # Unknown: even the surest way to go on is not sure enough. Else: even the least sure is.
+        extreme = (max if state is State.UNKNOWN else min)(
+            (_judged_with(rule, said, p_positive, rest) for rest in (1, -1)),
+            key=lambda judged: judged.sureness,
+        )
+        counted = replace(extreme, state=state)
+        reason = f"the {n_open} answers that were not asked for cannot change it"
+        if state is State.UNKNOWN:
+            reason = f"the vote cannot become sure enough any more: {reason}"
+        return self._verdict(votes, counted, reason, milliseconds)
+
+    def _verdict(
+        self, votes: Sequence[Vote], judged: Judgement, reason: str, milliseconds: float
+    ) -> Verdict:
+        n_positive = sum(vote.speaks_for > 0 for vote in votes)
+        n_negative = sum(vote.speaks_for < 0 for vote in votes)
+        names = {State.POSITIVE: self.states.positive, State.NEGATIVE: self.states.negative}
         return Verdict(
-            state=state,
-            state_name={
-                State.POSITIVE: self.states.positive,
-                State.NEGATIVE: self.states.negative,
-                State.UNKNOWN: "unknown",
-            }[state],
+            state=judged.state,
+            state_name=names.get(judged.state, "unknown"),
             reason=reason,
-            confidence=max(share, 1 - share),
+            confidence=max(judged.share, 1 - judged.share),
             n_positive=n_positive,
-            n_negative=len(valid) - n_positive,
-            n_invalid=len(votes) - len(valid),
+            n_negative=n_negative,
+            n_invalid=len(votes) - n_positive - n_negative,
             n_calls=len(votes),
             milliseconds=milliseconds,
             votes=tuple(votes),
+            n_skipped=self.calls_per_image - len(votes),
+            sureness=judged.sureness,
+            min_sureness=judged.min_sureness,
+            n_copies=judged.n_copies,
+            n_agreeing=judged.n_agreeing,
         )
 
-    def _decide(self, positive: float, total: float) -> tuple[State, str]:
-        if not total:
-            return State.UNKNOWN, "no answer was a clear yes or no"
-        share = f"{positive / total:.0%} of the valid votes speak for {self.states.positive}"
-        if positive > self.threshold * total:
-            return State.POSITIVE, share
-        if positive < self.threshold * total:
-            return State.NEGATIVE, share
-        return State.UNKNOWN, f"the vote is a tie: {share}"
+    def _arrays(self, votes: Sequence[Vote]) -> tuple[Said, Shares | None]:
+        """What each answer speaks for, and the model's own shares where the vote needs them."""
+        shape = self.copies.n_copies, len(self.questions)
+        places = {question.text: place for place, question in enumerate(self.questions)}
+        said = np.full(shape, MISSING, np.int8)
+        p_positive = np.full(shape, np.nan, np.float32)
+        for vote in votes:
+            place = vote.copy, places[vote.question]
+            said[place] = vote.speaks_for
+            p_yes = vote.answer.p_yes
+            if p_yes is not None:
+                is_positive = self.questions[place[1]].yes_means > 0
+                p_positive[place] = round(p_yes, 6) if is_positive else 1 - round(p_yes, 6)
+        if self.vote is not VoteKind.WEIGHTED_P_YES:
+            return said, None
+        if np.isnan(p_positive[said != MISSING]).any():
+            raise RecognizerError(
+                "this recognizer counts the model's own probabilities, and the model gave none "
+                "with an answer; use a model that gives them, or export another kind of vote"
+            )
+        return said, p_positive
 
     def loaded_model(self) -> VQAModel:
         """The model that the file names, loaded on first use and kept.
@@ -263,15 +296,19 @@ class Recognizer(_Record):
                 "lost with `python -m vqa_state recheck`, or optimize again with this one"
             )
 
-    def votes(self, answers: Mapping[tuple[int, str], Answer]) -> list[Vote]:
+    def votes(
+        self, answers: Mapping[tuple[int, str], Answer], n_copies: int | None = None
+    ) -> list[Vote]:
         """This recognizer's votes among answers by (copy, question text), by copy and question.
+
+        With `n_copies`, only those about the first so many copies.
 
         Raises:
             KeyError: if an answer is missing.
         """
         return [
             Vote(text, number, answer, answer.verdict(question.yes_means))
-            for number in range(self.copies.n_copies)
+            for number in range(self.copies.n_copies if n_copies is None else n_copies)
             for question in self.questions
             for text, answer in ((question.text, answers[number, question.text]),)
         ]
@@ -301,7 +338,7 @@ def recognize_all(
         RecognizerError: if a model is another one than the questions were chosen for.
         ModelError: see `Recognizer.recognize`.
     """
-    pixels = _pixels(image)
+    pixels = picture_pixels(image)
     groups: dict[tuple[str, Copies], list[int]] = {}
     for place, recognizer in enumerate(recognizers):
         groups.setdefault((recognizer.model.fingerprint, recognizer.copies), []).append(place)
@@ -313,7 +350,7 @@ def recognize_all(
             one.check_model(own)
         texts = list(dict.fromkeys(q.text for one in members for q in one.questions))
         began = time.perf_counter()
-        answers = _ask(own, pixels, shifts, texts)
+        answers = ask_all(own, shifted(pixels, shifts), texts)
         milliseconds = 1000 * (time.perf_counter() - began)
         for place, one in zip(places, members, strict=True):
             verdict = one.verdict(one.votes(answers), milliseconds)
@@ -321,26 +358,12 @@ def recognize_all(
     return [found[place] for place in range(len(recognizers))]
 
 
-def _ask(
-    model: VQAModel, pixels: Image.Image, shifts: Copies, texts: Sequence[str]
-) -> dict[tuple[int, str], Answer]:
-    """Every answer, by (copy, question text); a failed call is an error, never a verdict."""
-    kind = Augmentation(shifts.kind, shifts.amount, shifts.n_copies)
-    shifted = list(copies(pixels, pixel_hash(pixels), kind, shifts.seed))
-    answers: dict[tuple[int, str], Answer] = {}
-    failure = "it gave no reply to a question"
-    for reply in model.answer(shifted, texts):
-        if isinstance(reply.outcome, Failure):
-            failure = reply.outcome.reason
-        else:
-            answers[reply.image, texts[reply.question]] = reply.outcome
-    n_calls = len(shifted) * len(texts)
-    if len(answers) < n_calls:
-        raise ModelError(
-            f"{n_calls - len(answers)} of {n_calls} calls to {model.name} failed ({failure}); "
-            "there is no verdict: try again"
-        )
-    return answers
+def _judged_with(rule: AbstainRule, said: Said, p_positive: Shares | None, rest: int) -> Judgement:
+    """The judgement if every open answer spoke for the state `rest`."""
+    is_open = said == MISSING
+    full = np.where(is_open, rest, said).astype(np.int8)
+    shares = None if p_positive is None else np.where(is_open, rest > 0, p_positive)
+    return rule.judge(full, None if shares is None else shares.astype(np.float32))
 
 
 def read_recognizer(data: bytes, shown: str) -> Recognizer:
@@ -354,45 +377,25 @@ def read_recognizer(data: bytes, shown: str) -> Recognizer:
             f"{shown} has more than {MAX_FILE_BYTES / 1e6:.0f} MB; this is no recognizer file"
         )
     try:
-        content = json.loads(data)
+        content: Any = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise RecognizerError(
             f"{shown} is no JSON file or is damaged; export the recognizer again"
         ) from error
-    _check_version(content, shown)
+    if not isinstance(content, dict):
+        raise RecognizerError(f"{shown} is no recognizer file: it has no schema_version")
+    whole = content.get("digest") == content_digest(content)
     try:
-        recognizer = Recognizer.model_validate_json(data)
+        recognizer = Recognizer.model_validate_json(json.dumps(upgraded(content, shown)))
     except ValidationError as error:
         first = error.errors()[0]
         raise RecognizerError(
             f"{shown} cannot be used at {'.'.join(map(str, first['loc'])) or 'its top'}: "
             f"{first['msg']}; export the recognizer again"
         ) from error
-    if recognizer.digest != _digest(recognizer.model_dump(mode="json", exclude={"digest"})):
+    if not whole:
         raise RecognizerError(
             f"{shown} was changed after it was written: its digest does not fit; export the "
             "recognizer again"
         )
     return recognizer
-
-
-def _check_version(content: Any, shown: str) -> None:
-    version = content.get("schema_version") if isinstance(content, dict) else None
-    if not isinstance(version, int):
-        raise RecognizerError(f"{shown} is no recognizer file: it has no schema_version")
-    if version > SCHEMA_VERSION:
-        raise RecognizerError(
-            f"{shown} has schema version {version}; this program reads up to {SCHEMA_VERSION}: "
-            "update the program"
-        )
-
-
-def _digest(content: dict[str, Any]) -> str:
-    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(canonical.encode()).hexdigest()
-
-
-def _pixels(image: str | Path | bytes | Image.Image) -> Image.Image:
-    if isinstance(image, Image.Image):
-        return rgb_pixels(image)
-    return read_picture(image if isinstance(image, bytes) else read_file(Path(image))).pixels

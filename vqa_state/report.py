@@ -9,9 +9,10 @@ import pandas as pd
 
 from vqa_state.answers import AnswerTable
 from vqa_state.asking import answer_table
-from vqa_state.evaluation import Candidate, Evaluation, Interval, Row, paired_test
+from vqa_state.comparing import compare
+from vqa_state.evaluation import Candidate, Evaluation, Interval, Row
 from vqa_state.project import Project
-from vqa_state.scores import Counts, SubsetScore, count, question_stats
+from vqa_state.scores import Counts, count, question_stats
 from vqa_state.search.fitness import Fitness
 from vqa_state.splits import Split
 from vqa_state.store import AnswerStore, copy_keys
@@ -76,13 +77,13 @@ def comparison_frame(evaluation: Evaluation) -> pd.DataFrame:
 
 
 def comparison_sentences(evaluation: Evaluation) -> list[str]:
-    """Whether s+ beats the baselines on the same test images, by an exact paired test."""
-    rows = {row.name: row for row in evaluation.rows}
-    first = rows[Candidate.S_PLUS]
-    rivals = [rows[name] for name in (Candidate.S_ALL, Candidate.BEST_QUESTION)]
-    if first.test is None:
+    """Whether s+ beats the baselines on the same test images, by exact paired tests."""
+    scores = {row.name: row.test for row in evaluation.rows if row.test is not None}
+    if Candidate.S_PLUS not in scores:
         return ["There are no test images, so nothing here says how good it is on new ones."]
-    return [_compared(first.test, rival.test, rival.name) for rival in rivals if rival.test]
+    masks = {name.value: score.recognized for name, score in scores.items()}
+    rivals = (Candidate.S_ALL.value, Candidate.BEST_QUESTION.value)
+    return [one.sentence() for one in compare(masks, [("s+", rival) for rival in rivals])]
 
 
 def term_sentences(found: Results) -> list[str]:
@@ -191,19 +192,6 @@ def heatmap(project: Project) -> pd.DataFrame:
         NothingToSearchError: if the model was never asked.
     """
     return question_frame(answer_table(project, Split.TRAIN))
-
-
-def _compared(first: SubsetScore, rival: SubsetScore, name: Candidate) -> str:
-    outcome = paired_test(first, rival)
-    difference = outcome.n_only_first - outcome.n_only_second
-    if difference == 0:
-        return f"s+ recognizes as many of the {first.n_images} test images as {name.value}."
-    luck = "is more than luck" if outcome.p_value < 0.05 else "cannot be told from luck"
-    return (
-        f"s+ recognizes {abs(difference)} {'more' if difference > 0 else 'fewer'} of the "
-        f"{first.n_images} test images than {name.value}; this {luck} (exact paired test, "
-        f"p = {outcome.p_value:.2g})."
-    )
 
 
 def _numbers(row: Row) -> dict[str, object]:

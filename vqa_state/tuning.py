@@ -6,7 +6,7 @@ recognizer in both, byte for byte.
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -22,32 +22,44 @@ from vqa_state.recognizer import (
     Copies,
     ModelReference,
     Origin,
+    ProofRecord,
     Recognizer,
     ScoreRecord,
     Scores,
     States,
     WeightedQuestion,
 )
-from vqa_state.scores import Objective, ObjectiveWeights, count
-from vqa_state.search.genetic import SearchReport, SearchSettings, search
+from vqa_state.scores import Counts, Objective, ObjectiveWeights, count
+from vqa_state.search.default import Engine, search_with
+from vqa_state.search.genetic import SearchReport, SearchSettings
+from vqa_state.search.proof import ProofReport, prove_all
 from vqa_state.splits import Split
 
 __all__ = [
     "OptimizeProgress",
+    "PaperRun",
     "Results",
     "SavedSearch",
     "optimize",
+    "paper_recognizer",
     "recognizer_path",
     "refresh",
     "results",
+    "table_digest",
 ]
 
 
 @dataclass(frozen=True, slots=True)
 class OptimizeProgress:
-    """All four searches after the same generation."""
+    """All four searches after the same generation, and later their proofs.
+
+    Attributes:
+        reports: of the searches; during the proofs, the last ones.
+        proofs: of the objectives whose proof has something to tell; empty while searching.
+    """
 
     reports: Mapping[Objective, SearchReport]
+    proofs: Mapping[Objective, ProofReport] = field(default_factory=dict)
 
     @property
     def generation(self) -> int:
@@ -56,26 +68,56 @@ class OptimizeProgress:
 
     @property
     def total(self) -> int:
-        """Generations asked for."""
+        """Generations asked for; the engine `default` counts its climbs as more of them."""
         return next(iter(self.reports.values())).total
 
+    @property
+    def searched(self) -> bool:
+        """Whether the searches came to their end."""
+        return self.generation == self.total
 
-class SavedSearch(BaseModel):
-    """Content of searches/OBJECTIVE.json."""
+    @property
+    def proving(self) -> bool:
+        """Whether this tells of proofs."""
+        return bool(self.proofs)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether searches or proofs were ended by the user, as far as is known by now."""
+        return not self.searched or any(proof.stopped for proof in self.proofs.values())
+
+
+class PaperRun(BaseModel):
+    """What the paper's one genetic search finds on the same answers, to show both."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    schema_version: Literal[1] = 1
+    subset: tuple[Annotated[int, Field(ge=0)], ...]
+    value: float
+    n_recognized: int
+
+
+class SavedSearch(BaseModel):
+    """Content of searches/OBJECTIVE.json. Files of version 1 know the paper's engine only."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    schema_version: Literal[1, 2] = 2
     objective: Objective
     table: str
     """Digest of the answers and labels that were searched; other ones make this result stale."""
+    engine: Engine = Engine.PAPER
     weights: ObjectiveWeights
     settings: SearchSettings
     seed: int
     subset: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
+    """Of the proof, if it found a better one than the search."""
     curve: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)]
-    """Best and mean fitness of each generation."""
+    """Best and mean fitness of each generation of the search."""
     finished: bool
+    proof: ProofRecord | None = None
+    paper: PaperRun | None = None
+    """None if the engine is the paper's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +138,22 @@ class Results:
 
 
 def optimize(
-    project: Project, stop: Callable[[], bool] = lambda: False
+    project: Project, stop: Callable[[], bool] = lambda: False, *, prove: bool = True
 ) -> Iterator[OptimizeProgress]:
     """Search for all four objectives side by side; keep what they found and write recognizers.
 
-    Only training images are looked at. A stop keeps the best so far and records that it was one.
+    Only training images are looked at. The engine `default` then proves how good the subsets are at
+    most, and may better them; it also runs the paper's search, to show both. A stop keeps the best
+    so far and records that it was one.
+
+    Args:
+        project: its engine, settings, weights and seed are used.
+        stop: asked after every report, and several times a second during the proofs.
+        prove: False leaves the proofs out.
 
     Yields:
-        One report a generation. The searches and recognizers are on disk after the last.
+        One report a generation, then news of the proofs. The searches and recognizers are on disk
+        after the last.
 
     Raises:
         NothingToSearchError: if no training image of one of the states has all its answers.
@@ -111,22 +161,17 @@ def optimize(
     """
     train, _ = _tables(project)
     counts = count(_complete(train))
-    searches = {
-        objective: search(
-            counts,
-            objective,
-            weights=project.weights,
-            settings=project.search,
-            seed=project.search_seed,
-        )
-        for objective in Objective
-    }
     curves: dict[Objective, list[tuple[float, float]]] = {objective: [] for objective in Objective}
+    papers = _searches(project, counts, Engine.PAPER) if project.engine is Engine.DEFAULT else {}
+    paper_reports: dict[Objective, SearchReport] = {}
+    searches = _searches(project, counts, project.engine)
     progress = None
     for reports in zip(*searches.values(), strict=True):
         progress = OptimizeProgress(dict(zip(searches, reports, strict=True)))
         for objective, report in progress.reports.items():
             curves[objective].append((report.best_fitness, report.mean_fitness))
+        for objective, paper in papers.items():  # shorter than ours
+            paper_reports[objective] = next(paper, None) or paper_reports[objective]
         yield progress
         if stop():
             break
@@ -135,7 +180,28 @@ def optimize(
         raise NothingToSearchError(
             "a search was too small to find even one question; raise its population or generations"
         )
-    _keep(project, train, progress, curves)
+    if prove and progress.searched and project.engine is Engine.DEFAULT:
+        found = {objective: report.subset for objective, report in progress.reports.items()}
+        for proofs in prove_all(counts, found, weights=project.weights, stop=stop):
+            progress = OptimizeProgress(progress.reports, proofs)
+            yield progress
+    _keep(project, train, progress, curves, paper_reports)
+
+
+def _searches(
+    project: Project, counts: Counts, engine: Engine
+) -> dict[Objective, Iterator[SearchReport]]:
+    return {
+        objective: search_with(
+            engine,
+            counts,
+            objective,
+            weights=project.weights,
+            settings=project.search,
+            seed=project.search_seed,
+        )
+        for objective in Objective
+    }
 
 
 def results(project: Project) -> Results | None:
@@ -159,11 +225,11 @@ def results(project: Project) -> Results | None:
 
 def _fits(saved: SavedSearch, objective: Objective, train: AnswerTable) -> bool:
     """Whether a search is of these answers, and could have come from this program."""
-    positions = set(saved.subset)
+    positions = set(saved.subset) | set(saved.paper.subset if saved.paper else ())
     return (
-        saved.table == _digest(train)
+        saved.table == table_digest(train)
         and saved.objective is objective
-        and len(positions) == len(saved.subset)
+        and len(set(saved.subset)) == len(saved.subset)
         and max(positions) < train.n_questions
     )
 
@@ -181,7 +247,7 @@ def refresh(project: Project) -> Results | None:
         if found is None:
             path.unlink(missing_ok=True)
             continue
-        recognizer = _recognizer(project, found, objective)
+        recognizer = paper_recognizer(project, found, objective)
         if not path.exists() or path.read_bytes() != recognizer.to_bytes():
             recognizer.save(path)
     return found
@@ -197,23 +263,45 @@ def _keep(
     train: AnswerTable,
     progress: OptimizeProgress,
     curves: Mapping[Objective, list[tuple[float, float]]],
+    papers: Mapping[Objective, SearchReport],
 ) -> None:
     for objective, report in progress.reports.items():
+        proof, paper = progress.proofs.get(objective), papers.get(objective)
         saved = SavedSearch(
             objective=objective,
-            table=_digest(train),
+            table=table_digest(train),
+            engine=project.engine,
             weights=project.weights,
             settings=project.search,
             seed=project.search_seed,
-            subset=report.subset,
+            subset=report.subset if proof is None else proof.subset,
             curve=tuple(curves[objective]),
-            finished=report.generation == report.total,
+            finished=progress.searched and (proof is None or not proof.stopped),
+            proof=None if proof is None else _proof_record(proof),
+            paper=None if paper is None else _paper_run(paper),
         )
         write_atomically(_search_path(project, objective), saved.model_dump_json().encode())
     refresh(project)
 
 
-def _recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:
+def _proof_record(proof: ProofReport) -> ProofRecord:
+    return ProofRecord(
+        badge=proof.badge,
+        value=round(proof.terms.value, 6),
+        bound=max(round(proof.bound, 6), round(proof.terms.value, 6)),
+        n_bound=proof.n_bound,
+        stopped=proof.stopped,
+    )
+
+
+def _paper_run(report: SearchReport) -> PaperRun:
+    return PaperRun(
+        subset=report.subset, value=report.best_fitness, n_recognized=report.terms.n_recognized
+    )
+
+
+def paper_recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:
+    """With the paper's vote, as recognizers/OBJECTIVE.json has it."""
     saved = found.searches[objective]
     row = next(r for r in found.evaluation.rows if r.name == Candidate(objective.value))
     questions = [found.train.questions[position] for position in saved.subset]
@@ -232,12 +320,14 @@ def _recognizer(project: Project, found: Results, objective: Objective) -> Recog
             WeightedQuestion(text=q.text, yes_means=1 if q.yes_means > 0 else -1) for q in questions
         ),
         origin=Origin(
+            engine=saved.engine,
             objective=objective,
             weights=saved.weights,
             settings=saved.settings,
             seed=saved.seed,
             generations=len(saved.curve) - 1,
             finished=saved.finished,
+            proof=saved.proof,
         ),
         scores=_scores(row),
         calls_per_image=augmentation.n_copies * len(questions),
@@ -284,7 +374,7 @@ def _complete(table: AnswerTable) -> AnswerTable:
     return table.take(table.complete)
 
 
-def _digest(table: AnswerTable) -> str:
+def table_digest(table: AnswerTable) -> str:
     """Of all that a search sees, and of nothing of the test images."""
     digest = hashlib.sha256(repr((table.image_ids, table.questions)).encode())
     digest.update(table.verdicts.tobytes())

@@ -1,5 +1,6 @@
 """What a recognizer says about one image."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -41,6 +42,12 @@ class Verdict:
         n_calls: one question about one copy is one call.
         milliseconds: from the picture to the verdict.
         votes: all answers, by copy and question.
+        n_skipped: calls that were saved because they could not change the verdict.
+        sureness: of the vote, in [0, 1]; see `vqa_state.abstaining`. After an early stop, the least
+            that the answers not asked for could have left; the most, if the state is unknown.
+        min_sureness: sureness that a verdict needs; below it, the state is unknown.
+        n_copies: copies of the image.
+        n_agreeing: copies whose own vote says what the whole vote says.
     """
 
     state: State
@@ -53,3 +60,8 @@ class Verdict:
     n_calls: int
     milliseconds: float
     votes: tuple[Vote, ...]
+    n_skipped: int = 0
+    sureness: float = math.nan
+    min_sureness: float = 0.0
+    n_copies: int = 0
+    n_agreeing: int = 0

@@ -5,8 +5,10 @@ from typing import Annotated
 
 import typer
 
-from vqa_state.cli.options import Folder, Json, app, tell
-from vqa_state.cli.terminal import say
+from vqa_state import models
+from vqa_state.assessing import assessment
+from vqa_state.cli.options import Folder, Json, app, found_results, tell
+from vqa_state.cli.terminal import interruptible, say, show_asking
 from vqa_state.cues import with_cues
 from vqa_state.errors import ImageError, ProjectError
 from vqa_state.importing import ImportReport, Refused, add_folder
@@ -22,6 +24,7 @@ from vqa_state.questions import (
 )
 from vqa_state.report import look_alike_sentences
 from vqa_state.splits import Split
+from vqa_state.suggesting import accept, ask_unlabelled, hints
 
 
 @app.command()
@@ -86,10 +89,27 @@ def label(
     divide: Annotated[
         float | None, typer.Option(min=0.05, max=0.95, help="Divide afresh; share for training.")
     ] = None,
+    suggest: Annotated[
+        bool,
+        typer.Option("--suggest", help="Ask the model about images without a label; list labels."),
+    ] = False,
+    accept_labels: Annotated[
+        bool,
+        typer.Option("--accept", help="With --suggest: give these IMAGEs (or all) their labels."),
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Label images, put them on a side, or list them. Look-alikes always go to one side."""
+    """Label images, put them on a side, or list them. Look-alikes always go to one side.
+
+    --suggest alone changes no label. An accepted image becomes a training image: a label that came
+    from a vote must not judge it.
+    """
     project = Project.open(folder)
+    if accept_labels and not suggest:
+        raise typer.BadParameter("--accept goes with --suggest")
+    if suggest:
+        _suggest(project, set(_matching(project, images or [])), as_json, accepted=accept_labels)
+        return
     chosen = _matching(project, images or [])
     if not chosen and (state is not None or split is not None):
         raise typer.BadParameter("--state and --split need the names or ids of images")
@@ -167,6 +187,37 @@ def grid(
     lines += [f"dropped, stands there already: {q.text}" for q in built.duplicates]
     lines.append(f"{len(built.questions)} questions")
     tell(as_json, record, "\n".join(lines))
+
+
+def _suggest(project: Project, only: set[str], as_json: bool, *, accepted: bool) -> None:
+    """Suggest labels, and keep those that were accepted."""
+    found = found_results(project)
+    assessed = assessment(project, found)
+    if hints(project, found, assessed).n_unasked:
+        model = models.create(project.model)
+        with interruptible() as stop:
+            show_asking(ask_unlabelled(project, found, assessed, model, stop))
+    suggested = hints(project, found, assessed).suggestions
+    shown = tuple(one for one in suggested if not only or one.image_id in only)
+    if accepted:
+        accept(project, shown)
+        project.save()
+    rows = [
+        {
+            "id": one.image_id,
+            "name": project.images[one.image_id].name,
+            "state": project.states.of(one.label),
+            "sureness": one.sureness,
+            "accepted": accepted,
+        }
+        for one in shown
+    ]
+    done = "accepted" if accepted else "suggested"
+    lines = [
+        f"{r['id']!s:.12}  {done}: {r['state']} ({one.sureness:.2f} sure)  {r['name']}"
+        for r, one in zip(rows, shown, strict=True)
+    ]
+    tell(as_json, rows, "\n".join(lines) or "no suggestion: every image has a label, or a tie")
 
 
 def _phrases(

@@ -7,12 +7,19 @@ from typing import Annotated
 import typer
 
 from vqa_state import report
+from vqa_state.assessing import Assessment, assessment
 from vqa_state.cli.terminal import print_json, print_table
 from vqa_state.errors import NothingToSearchError
+from vqa_state.frontier import thinned
+from vqa_state.pace import read_pace
 from vqa_state.project import Project
+from vqa_state.standings import standings, standings_frame
+from vqa_state.suggesting import Hints, hints
 from vqa_state.tuning import Results, recognizer_path, refresh
 
 __all__ = ["Folder", "Json", "Seed", "app", "found_results", "show", "tell"]
+
+_SHOWN = 5  # images of each list of hints
 
 app = typer.Typer(
     help="Find the questions that let a vision-language model recognize a state. "
@@ -72,7 +79,24 @@ def show(folder: Path, as_json: bool) -> None:
 
 def _record(project: Project, found: Results) -> dict[str, object]:
     evaluation = found.evaluation
+    assessed = assessment(project, found)
+    table, hinted = (
+        standings(project.chosen, found, assessed, read_pace(project)),
+        hints(project, found, assessed),
+    )
     return {
+        "recognizers": [asdict(row) for row in table.rows],
+        "comparisons": [asdict(one) for one in table.comparisons],
+        "sentences": table.sentences,
+        "recommendation": table.recommendation,
+        "warnings": table.warnings,
+        "badges": table.badges,
+        "frontier": [] if assessed is None else [asdict(one) for one in assessed.frontier],
+        "coverage": _coverage(assessed),
+        "next_labels": [asdict(one) for one in hinted.next],
+        "suggested_labels": [asdict(one) for one in hinted.suggestions],
+        "doubtful_labels": [asdict(one) for one in hinted.doubtful],
+        "n_unasked": hinted.n_unasked,
         "subsets": report.score_frame(evaluation).to_dict("records"),
         "says": report.comparison_sentences(evaluation),
         "terms": report.term_sentences(found),
@@ -89,10 +113,48 @@ def _record(project: Project, found: Results) -> dict[str, object]:
     }
 
 
+def _coverage(assessed: Assessment | None) -> dict[str, object]:
+    curves = {} if assessed is None else assessed.curves
+    return {
+        kind.value: [asdict(point) | {"accuracy": point.accuracy} for point in curve]
+        for kind, curve in curves.items()
+    }
+
+
+def _print_assessed(project: Project, found: Results) -> None:
+    assessed = assessment(project, found)
+    table = standings(project.chosen, found, assessed, read_pace(project))
+    print_table(standings_frame(table), f"{project.name}: all recognizers")
+    for sentence in (table.recommendation, *table.warnings, *table.sentences, *table.badges):
+        if sentence:
+            print(sentence)
+    for point in thinned(assessed.frontier) if assessed else ():
+        plural = "" if point.n_questions == 1 else "s"
+        print(
+            f"{point.n_questions} question{plural}, {point.n_calls} calls: at best "
+            f"{point.n_recognized} of {point.n_images} training images recognized."
+        )
+    _print_hints(project, hints(project, found, assessed))
+
+
+def _print_hints(project: Project, hinted: Hints) -> None:
+    states = project.states.positive, project.states.negative
+    for one in hinted.next[:_SHOWN]:
+        print(f"label next: {project.images[one.image_id].name}: {one.reason(*states)}")
+    for doubt in hinted.doubtful[:_SHOWN]:
+        print(f"doubtful: {project.images[doubt.image_id].name}: {doubt.reason(*states)}")
+    if hinted.n_unasked:
+        print(
+            f"{hinted.n_unasked} images have no label and no answers yet; `python -m vqa_state "
+            f"label {project.folder} --suggest` asks about them"
+        )
+
+
 def _print(project: Project, found: Results) -> None:
     evaluation = found.evaluation
     print_table(report.comparison_frame(evaluation), project.name)
-    for sentence in report.comparison_sentences(evaluation) + report.term_sentences(found):
+    _print_assessed(project, found)
+    for sentence in report.term_sentences(found):
         print(sentence)
     row = next(row for row in evaluation.rows if row.name.value == project.chosen.value)
     missed = report.missed_pictures(project, row)

@@ -7,18 +7,23 @@ import typer
 
 from vqa_state import models
 from vqa_state.asking import AskProgress, ask, plan
+from vqa_state.assessing import assess
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
-from vqa_state.cli.options import Folder, Json, Seed, app, show, tell
+from vqa_state.cli.options import Folder, Json, Seed, app, found_results, show, tell
 from vqa_state.cli.terminal import (
     asked_sentence,
     interruptible,
     plan_record,
     say,
     show_asking,
+    show_assessing,
     show_search,
 )
+from vqa_state.errors import NothingToSearchError
+from vqa_state.pace import keep_pace
 from vqa_state.project import Project
 from vqa_state.scores import ObjectiveWeights
+from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.tuning import optimize
 
@@ -66,6 +71,10 @@ def ask_command(
 def optimize_command(
     folder: Folder,
     seed: Seed = None,
+    engine: Annotated[
+        Engine | None,
+        typer.Option(help="paper: its one genetic search; default: longer, with proof; kept."),
+    ] = None,
     population: Annotated[int | None, typer.Option(min=2, help="Individuals; kept.")] = None,
     generations: Annotated[int | None, typer.Option(min=0, help="Generations; kept.")] = None,
     crossover: Annotated[float | None, typer.Option(min=0, max=1, help="Rate; kept.")] = None,
@@ -86,6 +95,7 @@ def optimize_command(
         "bit_flip": bit_flip,
         "tournament": tournament,
     }
+    project.engine = engine or project.engine
     project.search = _settings(project, given)
     project.weights = _weights(project, alpha, beta)
     project.search_seed = project.search_seed if seed is None else seed
@@ -100,20 +110,53 @@ def tune(
     folder: Folder,
     model: Annotated[str | None, typer.Option(help="Name or address of the model; kept.")] = None,
     seed: Seed = None,
+    engine: Annotated[
+        Engine | None, typer.Option(help="How to search: default or paper; kept.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """All of it for one project: ask, optimize, report, write the recognizers."""
+    """All of it for one project: ask, optimize, assess, report, write the recognizers."""
     project = Project.open(folder)
     project.model = models.choose(model) if model else project.model
     project.search_seed = project.search_seed if seed is None else seed
+    project.engine = engine or project.engine
     project.assign_splits()
     progress = _ask(project)
     say(asked_sentence(progress))
     if progress.stopped:
         raise typer.Exit(3)
     finished = _optimize(Project.open(folder))
+    finished = finished and _assess(Project.open(folder))
     show(folder, as_json)
     _exit_unless(finished and not progress.n_failed)
+
+
+@app.command("assess")
+def assess_command(folder: Folder, as_json: Json = False) -> None:
+    """How good is it on new images, what does it cost, and what else could one take?
+
+    Kinds of vote, an out-of-bag estimate, a trained image classifier as a rival, the frontier of
+    accuracy against calls, accuracy against coverage. Made of training images; kept until answers
+    or labels change.
+    """
+    project = Project.open(folder)
+    found_results(project)
+    finished = _assess(project)
+    show(folder, as_json)
+    _exit_unless(finished)
+
+
+def _assess(project: Project) -> bool:
+    """Whether the assessment came to its end; too few images for one are told, and no failure."""
+    try:
+        with interruptible() as stop:
+            found = show_assessing(assess(project, stop))
+    except NothingToSearchError as error:
+        say(f"not assessed: {error}")
+        return True
+    if found is None or not found.finished:
+        say("stopped by you while assessing; what came is kept")
+    return found is not None and found.finished
 
 
 def _ask(project: Project) -> AskProgress:
@@ -121,16 +164,21 @@ def _ask(project: Project) -> AskProgress:
     project.fingerprint = vqa_model.fingerprint
     project.save()
     with interruptible() as stop:
-        return show_asking(ask(project, vqa_model, stop))
+        last = show_asking(ask(project, vqa_model, stop))
+    if not last.stopped and not last.n_failed:
+        keep_pace(project, vqa_model)
+    return last
 
 
 def _optimize(project: Project) -> bool:
     """Whether every search came to its end."""
     with interruptible() as stop:
         last = show_search(optimize(project, stop))
-    if last.generation < last.total:
+    if not last.searched:
         say(f"stopped by you at generation {last.generation} of {last.total}; the best is kept")
-    return last.generation == last.total
+    elif last.stopped:
+        say("stopped by you while proving; the best and its bound are kept")
+    return not last.stopped
 
 
 def _settings(project: Project, given: dict[str, float | None]) -> SearchSettings:

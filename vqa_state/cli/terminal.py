@@ -23,6 +23,7 @@ from rich.progress import (
 from rich.table import Table
 
 from vqa_state.asking import AskPlan, AskProgress
+from vqa_state.assessing import Assessment, AssessProgress
 from vqa_state.checking import CheckProgress, ModelCheck
 from vqa_state.models.hub import DownloadProgress
 from vqa_state.tuning import OptimizeProgress
@@ -36,6 +37,7 @@ __all__ = [
     "print_table",
     "say",
     "show_asking",
+    "show_assessing",
     "show_check",
     "show_download",
     "show_search",
@@ -129,9 +131,22 @@ def show_search(reports: Iterator[OptimizeProgress]) -> OptimizeProgress:
                 f"{objective.value} {one.terms.n_recognized}/{one.terms.n_images}"
                 for objective, one in last.reports.items()
             ]
+            if last.proving:
+                terms = [f"{o.value} {proof.sentence}" for o, proof in last.proofs.items()]
             note = " · ".join(terms)
             bar.update(task, total=last.total, completed=last.generation, note=note)
     return last
+
+
+def show_assessing(reports: Iterator[AssessProgress]) -> Assessment | None:
+    """Draw the reports and give back what was found; None if nothing was."""
+    found = None
+    with _bar("assessing", TimeElapsedColumn()) as bar:
+        task = bar.add_task("assessing", note="")
+        for last in reports:
+            bar.update(task, total=last.n_total, completed=last.n_done, note=last.stage.value)
+            found = last.assessment
+    return found
 
 
 def asked_sentence(progress: AskProgress) -> str:

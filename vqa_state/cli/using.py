@@ -9,6 +9,7 @@ import typer
 
 from vqa_state import models, report
 from vqa_state.asking import AskProgress
+from vqa_state.assessing import assessment
 from vqa_state.cli.options import Folder, Json, app, found_results, show, tell
 from vqa_state.cli.terminal import (
     interruptible,
@@ -19,13 +20,17 @@ from vqa_state.cli.terminal import (
     verdict_record,
 )
 from vqa_state.errors import ImageError
+from vqa_state.exporting import recognizer_with
 from vqa_state.files import write_atomically
+from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.rechecking import Rechecked, recheck
 from vqa_state.recognizer import Recognizer, recognize_all
+from vqa_state.report_page import report_page
 from vqa_state.scores import Objective
-from vqa_state.tuning import recognizer_path
+from vqa_state.standings import standings
 from vqa_state.verdict import State, Verdict
+from vqa_state.voting.kinds import VoteKind
 
 
 @app.command("report")
@@ -34,9 +39,12 @@ def report_command(
     csv: Annotated[
         Path | None, typer.Option(help="Also write questions.csv and scores.csv into this folder.")
     ] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Also write a page with pictures that opens offline.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show the questions on the training images and the table of all subsets."""
+    """Show the questions on the training images, and the tables of subsets and recognizers."""
     project = Project.open(folder)
     found = found_results(project)
     questions = report.question_frame(found.train)
@@ -44,6 +52,10 @@ def report_command(
         scores = report.score_frame(found.evaluation)
         for name, frame in (("questions", questions), ("scores", scores)):
             write_atomically(csv / f"{name}.csv", frame.to_csv(index=False).encode())
+    if html is not None:
+        assessed = assessment(project, found)
+        table = standings(project.chosen, found, assessed, read_pace(project))
+        write_atomically(html, report_page(project, found, assessed, table).encode())
     if not as_json:
         shown = questions.sort_values(["accuracy", "question"], ascending=[False, True])
         shown = shown[["question", "accuracy", "invalid"]].round(3)
@@ -58,17 +70,35 @@ def export(
     objective: Annotated[
         Objective | None, typer.Option(help="s+ for accuracy, s- for speed; kept as your choice.")
     ] = None,
+    vote: Annotated[
+        VoteKind, typer.Option(help="How answers are counted; all but paper need `assess` first.")
+    ] = VoteKind.PAPER,
+    coverage: Annotated[
+        float | None,
+        typer.Option(min=0.01, max=1, help="Abstain, so that about this share gets a verdict."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write one recognizer file. The project's choice is s+ until you pick another."""
     project = Project.open(folder)
-    found_results(project)
+    found = found_results(project)
     project.chosen = objective or project.chosen
-    recognizer = Recognizer.load(recognizer_path(project, project.chosen))
+    plain = vote is VoteKind.PAPER and coverage is None
+    assessed = None if plain else assessment(project, found)
+    recognizer = recognizer_with(project, found, assessed, vote, coverage)
     recognizer.save(out)
     project.save()
     words = f"{out}: {project.chosen.value}, {len(recognizer.questions)} questions"
-    tell(as_json, {"path": str(out), "objective": project.chosen.value}, words)
+    words += "" if plain else f", vote {vote.value}"
+    if coverage is not None:
+        words += f", unknown below a sureness of {recognizer.abstain.min_sureness:.2f}"
+    record = {
+        "path": str(out),
+        "objective": project.chosen.value,
+        "vote": vote.value,
+        "min_sureness": recognizer.abstain.min_sureness,
+    }
+    tell(as_json, record, words)
 
 
 @app.command()
@@ -79,6 +109,9 @@ def recognize(
         list[Path] | None,
         typer.Option(metavar="FILE", help="Another recognizer of the same model; costs little."),
     ] = None,
+    stop_early: Annotated[
+        bool, typer.Option("--stop-early", help="Ask only until the rest cannot change it.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Say the state of each image, with the votes.
@@ -91,7 +124,11 @@ def recognize(
     states = set()
     for image in images:
         try:
-            verdicts = recognize_all(image, recognizers)
+            verdicts = (
+                [one.recognize(image, stop_early=True) for one in recognizers]
+                if stop_early
+                else recognize_all(image, recognizers)
+            )
         except ImageError as error:
             records.append({"image": str(image), "error": str(error)})
             say(f"error: {image}: {error}")
@@ -156,5 +193,7 @@ def _sentence(image: str, recognizer: Recognizer, verdict: Verdict) -> str:
     return (
         f"{image}: {verdict.state_name} ({verdict.reason}; {verdict.n_positive} for "
         f"{recognizer.states.positive}, {verdict.n_negative} for {recognizer.states.negative}, "
-        f"{verdict.n_invalid} invalid; {verdict.n_calls} calls, {verdict.milliseconds:.0f} ms)"
+        f"{verdict.n_invalid} invalid; {verdict.n_calls} calls"
+        f"{f' ({verdict.n_skipped} saved)' if verdict.n_skipped else ''}, "
+        f"{verdict.milliseconds:.0f} ms)"
     )

@@ -99,7 +99,7 @@ def _progress(
 ) -> Iterator[AskProgress | OptimizeProgress]:
     yield from ask(project, model, stop)
     if not _is_searched(project):
-        yield from optimize(project, stop)
+        yield from optimize(project, stop, prove=False)  # eleven times four proofs take long
 
 
 def _is_searched(project: Project) -> bool:
@@ -107,6 +107,7 @@ def _is_searched(project: Project) -> bool:
     found = results(project)
     return found is not None and all(
         one.finished
+        and one.engine is project.engine
         and one.seed == project.search_seed
         and one.settings == project.search
         and one.weights == project.weights

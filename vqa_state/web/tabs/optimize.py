@@ -154,7 +154,7 @@ def searching(desk: Desk, pid: str) -> Work:
     def work(stop: StopFlag) -> Iterator[Searching]:
         points: dict[Objective, Points] = {objective: [] for objective in Objective}
         for progress in optimize(desk.snapshot(pid), stop):
-            for objective, report in progress.reports.items():
+            for objective, report in progress.reports.items() if not progress.proving else ():
                 point = (report.generation, report.best_fitness, report.mean_fitness)
                 points[objective].append(point)
             yield Searching(progress, points)
@@ -201,6 +201,9 @@ def _said(snapshot: Snapshot) -> Any:
             return note(f"Stopped at {at}. The best so far is kept, and marked so.", "warn")
         case JobState.DONE:
             return note("Done. The recognizers are written; see Results.", "good")
+        case _ if progress.proving:
+            said = "; ".join(f"{one.value}: {p.sentence}" for one, p in progress.proofs.items())
+            return note(f"Proving how good the best can be: {said}", share=share)
         case JobState.STOPPING:
             return note(f"Stopping at {at}…", share=share)
     return note(f"Searching: {at}", share=share)
@@ -241,7 +244,7 @@ def _kept(found: Results) -> list[Any]:
     for objective, saved in found.searches.items():
         points = [(generation, *pair) for generation, pair in enumerate(saved.curve)]
         terms = _terms(Fitness(counts, objective, saved.weights).terms(saved.subset))
-        panels.append(_panel(objective, saved.settings.generations, points, terms))
+        panels.append(_panel(objective, len(saved.curve) - 1, points, terms))
     return panels
 
 

@@ -1,0 +1,243 @@
+"""Honest numbers of a project: from training images alone, and true to what it exports."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from vqa_state.answers import Answer
+from vqa_state.asking import ask
+from vqa_state.assessing import Stage, assess, assessment
+from vqa_state.errors import ModelError, NothingToSearchError
+from vqa_state.exporting import recognizer_with
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.project import Project
+from vqa_state.recognizer import read_recognizer
+from vqa_state.scores import Objective
+from vqa_state.search.genetic import SearchSettings
+from vqa_state.splits import Split
+from vqa_state.standings import RIVAL, standings, standings_frame
+from vqa_state.suggesting import accept, ask_unlabelled, hints
+from vqa_state.tuning import optimize, results
+from vqa_state.verdict import State
+from vqa_state.voting.kinds import VoteKind
+
+
+def unsure(image, question):
+    """Answers and probabilities that differ by picture, copy and question."""
+    seen = hashlib.sha256(image.tobytes() + question.encode()).digest()
+    text = ("yes", "no", "door")[seen[0] % 5 % 3]
+    return Answer(text, seen[1] / 255)
+
+
+class Colours:
+    """A quick image network: mean and spread of each channel."""
+
+    n_features = 6
+    fingerprint = "colours/1"
+
+    def __init__(self):
+        self.n_seen = 0
+
+    def __call__(self, images):
+        for image in images:
+            self.n_seen += 1
+            pixels = np.asarray(image, np.float32).reshape(-1, 3)
+            yield np.concatenate([pixels.mean(axis=0), pixels.std(axis=0)])
+
+
+MODEL = ScriptedModel(unsure)
+
+
+@pytest.fixture
+def tuned(make_project):
+    project = make_project(n_train=4, n_test=3)
+    project.search = SearchSettings(population=30, generations=5)
+    project.model, project.fingerprint = MODEL.name, MODEL.fingerprint
+    project.save()
+    list(ask(project, MODEL))
+    list(optimize(project, prove=False))
+    return project
+
+
+def assessed(project, **options):
+    options = {"features": Colours, "n_resamples": 6} | options
+    *_, last = assess(project, **options)
+    return last.assessment
+
+
+def test_it_is_kept_and_repeats(tuned):
+    first = assessed(tuned)
+    path = tuned.folder / "assessments" / "s_plus.json"
+    data = path.read_bytes()
+    assert assessment(tuned, results(tuned)).model_dump_json() == first.model_dump_json()
+    assessed(tuned)
+    assert path.read_bytes() == data
+    assert list(first.votes) == list(VoteKind)
+    assert first.finished
+    assert first.n_resamples == 6
+
+
+def test_test_images_change_nothing_that_is_chosen(tuned):
+    before = assessed(tuned)
+    found = results(tuned)
+    kinds = list(VoteKind)
+    files = [recognizer_with(tuned, found, before, kind, 0.8) for kind in kinds]
+    for image in tuned.labelled(Split.TEST):
+        tuned.set_labels([image.id], -image.label)
+    after = assessed(tuned)
+    assert after.model_dump_json() == before.model_dump_json()
+    tuned.set_splits([image.id for image in tuned.labelled(Split.TEST)], Split.UNUSED)
+    alone, nothing_left = assessed(tuned), results(tuned)
+    again = [recognizer_with(tuned, nothing_left, alone, kind, 0.8) for kind in kinds]
+    for one, other in zip(files, again, strict=True):
+        same = {"scores": one.scores.model_copy(update={"test": None})}
+        assert one.model_copy(update=same).to_bytes() == other.to_bytes()
+
+
+@pytest.mark.parametrize("change", ["label", "choice", "subset", "damage"])
+def test_it_is_stale_after_a_change(tuned, change):
+    assessed(tuned)
+    path = tuned.folder / "assessments" / "s_plus.json"
+    if change == "label":
+        image = tuned.labelled(Split.TRAIN)[0]
+        tuned.set_labels([image.id], -image.label)
+        list(optimize(tuned, prove=False))
+    elif change == "choice":
+        tuned.chosen = Objective.S_MINUS
+    elif change == "subset":
+        content = json.loads(path.read_text())
+        path.write_text(json.dumps(content | {"subset": [0]}))
+    else:
+        path.write_text("{")
+    assert assessment(tuned, results(tuned)) is None
+
+
+def test_a_stop_keeps_what_came(tuned):
+    steps = iter([False, True])
+    *_, last = assess(tuned, lambda: next(steps, True), features=Colours, n_resamples=6)
+    kept = last.assessment
+    assert (kept.finished, kept.n_resamples, kept.rival) == (False, 2, None)
+    table = standings(tuned.chosen, results(tuned), kept)
+    assert any("stopped after 2 resamples" in one for one in table.warnings)
+
+
+def test_features_are_computed_once_and_damage_is_mended(tuned):
+    colours = Colours()
+    first = assessed(tuned, features=lambda: colours)
+    assert colours.n_seen == 14 * tuned.augmentation.n_copies
+    second = assessed(tuned, features=lambda: colours)
+    assert colours.n_seen == 14 * tuned.augmentation.n_copies
+    assert second.rival == first.rival
+    damaged = next((tuned.folder / "features").iterdir())
+    damaged.write_bytes(damaged.read_bytes()[:-9])
+    assert assessed(tuned, features=lambda: colours).rival == first.rival
+    assert colours.n_seen == 15 * tuned.augmentation.n_copies
+    assert set(first.rival.sides) == {i.id for i in tuned.labelled(Split.TRAIN, Split.TEST)}
+
+
+def test_without_an_image_network_the_reason_is_told(tuned):
+    def missing():
+        raise ModelError("the weights are gone")
+
+    kept = assessed(tuned, features=missing)
+    assert (kept.rival, kept.no_rival) == (None, "the weights are gone")
+    table = standings(tuned.chosen, results(tuned), kept)
+    assert any("the weights are gone" in one for one in table.warnings)
+
+
+def test_every_exported_kind_recognizes_what_the_table_says(tuned):
+    kept, found = assessed(tuned), results(tuned)
+    rows = {row.kind: row for row in standings(tuned.chosen, found, kept).rows[: len(VoteKind)]}
+    for kind in VoteKind:
+        recognizer = recognizer_with(tuned, found, kept, kind)
+        assert read_recognizer(recognizer.to_bytes(), "it").to_bytes() == recognizer.to_bytes()
+        right = {1: 0, -1: 0}
+        for image in tuned.labelled(Split.TEST):
+            verdict = recognizer.recognize(tuned.image_path(image), MODEL)
+            early = recognizer.recognize(tuned.image_path(image), MODEL, stop_early=True)
+            assert early.state is verdict.state
+            right[image.label] += verdict.state is (
+                State.POSITIVE if image.label > 0 else State.NEGATIVE
+            )
+        test = rows[kind].test
+        assert (right[1], right[-1]) == (test.positive[0], test.negative[0])
+        assert recognizer.scores.test.n_recognized == test.whole[0] == sum(right.values())
+        assert recognizer.calls_per_image == rows[kind].n_calls >= rows[kind].early_calls
+        assert recognizer.estimate.n_resamples == 6
+
+
+def test_coverage_makes_the_recognizer_abstain(tuned):
+    kept, found = assessed(tuned), results(tuned)
+    curve = kept.curves[VoteKind.PAPER]
+    cautious = recognizer_with(tuned, found, kept, VoteKind.PAPER, 0.3)
+    assert cautious.abstain.coverage == 0.3
+    assert cautious.abstain.min_sureness in {point.min_sureness for point in curve}
+    assert cautious.abstain.min_sureness > 0
+    with pytest.raises(ValueError, match="coverage must be"):
+        recognizer_with(tuned, found, kept, VoteKind.PAPER, 1.5)
+
+
+def test_other_votes_need_an_assessment(tuned):
+    found = results(tuned)
+    with pytest.raises(NothingToSearchError, match="assess"):
+        recognizer_with(tuned, found, None, VoteKind.THRESHOLD)
+    assert recognizer_with(tuned, found, None).vote is VoteKind.PAPER
+
+
+def test_the_table_holds_all_that_a_user_could_take(tuned):
+    table = standings(tuned.chosen, results(tuned), assessed(tuned))
+    names = [row.name for row in table.rows]
+    assert names[:4] == ["s+", "s+, threshold", "s+, weighted answers", "s+, weighted p_yes"]
+    assert {"s'+", "s-", "s'-", "s+ of the paper's search", "best question", RIVAL} <= set(names)
+    assert len(table.comparisons) == len(table.sentences) >= 3
+    assert sum(row.recommended for row in table.rows) == 1
+    assert "★" in " ".join(map(str, standings_frame(table)["recognizer"]))
+    for row in table.rows:
+        assert row.test.positive[0] + row.test.negative[0] == row.test.whole[0]
+        assert row.test.interval.low <= row.test.whole[0] / 6 <= row.test.interval.high
+
+
+def test_stages_come_in_order(tuned):
+    steps = list(assess(tuned, features=Colours, n_resamples=2))
+    assert list(dict.fromkeys(step.stage for step in steps)) == list(Stage)
+    assert [step.assessment is None for step in steps] == [True] * (len(steps) - 1) + [False]
+
+
+def test_without_a_search_it_says_what_to_do(make_project):
+    project = make_project()
+    project.fingerprint = "none"
+    with pytest.raises(NothingToSearchError):
+        next(assess(project))
+
+
+def test_labels_are_suggested_and_only_accepted_ones_kept(tuned):
+    from pictures import picture
+
+    ids = [tuned.add(picture(100 + n), f"new{n}.png").image.id for n in range(3)]
+    tuned.save()
+    found, kept = results(tuned), assessed(tuned)
+    before = hints(tuned, found, kept)
+    assert (before.next, before.n_unasked) == ((), 3)
+    list(ask_unlabelled(tuned, found, kept, MODEL))
+    after = hints(tuned, found, kept)
+    assert after.n_unasked == 0
+    assert {one.image_id for one in after.next} == set(ids)
+    recognizer = recognizer_with(tuned, found, kept, kept.recommendation.kind)
+    states = {State.POSITIVE: 1, State.NEGATIVE: -1, State.UNKNOWN: 0}
+    expected = {
+        image_id: states[
+            recognizer.recognize(tuned.image_path(tuned.images[image_id]), MODEL).state
+        ]
+        for image_id in ids
+    }
+    assert {one.image_id: one.label for one in after.suggestions} == {
+        image_id: label for image_id, label in expected.items() if label
+    }
+    assert all(tuned.images[image_id].label is None for image_id in ids)
+    accept(tuned, after.suggestions[:1])
+    first = tuned.images[after.suggestions[0].image_id]
+    assert (first.label, first.split) == (after.suggestions[0].label, Split.TRAIN)
+    reopened = Project.open(tuned.folder)
+    assert all(reopened.images[image_id].label is None for image_id in ids)

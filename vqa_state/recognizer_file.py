@@ -1,0 +1,188 @@
+"""What stands in a recognizer's file, and how files of older versions are read.
+
+A file of version 1 is the paper's vote: weights and threshold stood in it, but every program that
+wrote one wrote weight 1 and threshold 0.5.
+"""
+
+import hashlib
+import json
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from vqa_state.augment import MAX_COPIES, AugmentationKind
+from vqa_state.errors import RecognizerError
+from vqa_state.models.address import MAX_ADDRESS
+from vqa_state.scores import Objective, ObjectiveWeights
+from vqa_state.search.default import Engine
+from vqa_state.search.genetic import SearchSettings
+from vqa_state.search.proof import Badge
+from vqa_state.voting.kinds import MAX_WEIGHT, VoteKind
+
+__all__ = [
+    "SCHEMA_VERSION",
+    "Abstain",
+    "Copies",
+    "EstimateRecord",
+    "ModelReference",
+    "Origin",
+    "ProofRecord",
+    "ScoreRecord",
+    "Scores",
+    "States",
+    "WeightedQuestion",
+    "content_digest",
+    "upgraded",
+]
+
+SCHEMA_VERSION: Final = 2
+MAX_FINGERPRINT: Final = 10_000
+
+
+class Record(BaseModel):
+    """A part of the file; it never changes and knows no other fields than its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class States(Record):
+    """What the two states are called."""
+
+    positive: Annotated[str, Field(min_length=1, max_length=300)]
+    negative: Annotated[str, Field(min_length=1, max_length=300)]
+
+
+class ModelReference(Record):
+    """The model that the questions were chosen for. Its revision stands in the fingerprint."""
+
+    name: Annotated[str, Field(min_length=1, max_length=MAX_ADDRESS)]
+    fingerprint: Annotated[str, Field(min_length=1, max_length=MAX_FINGERPRINT)]
+
+
+class Copies(Record):
+    """The copies of an image that the questions are asked about."""
+
+    kind: AugmentationKind
+    amount: Annotated[float, Field(gt=0, le=1)]
+    n_copies: Annotated[int, Field(ge=1, le=MAX_COPIES)]
+    seed: Annotated[int, Field(ge=0)]
+
+
+class WeightedQuestion(Record):
+    """A question, the state that "yes" counts for, and what its answers weigh in the vote.
+
+    A weighted vote may count a question for the state that its words do not name: the model's
+    "yes" then says the opposite, as the training images showed.
+    """
+
+    text: Annotated[str, Field(min_length=1, max_length=300)]
+    yes_means: Literal[-1, 1]
+    weight: Annotated[int, Field(ge=1, le=MAX_WEIGHT)] = 1
+
+
+class Abstain(Record):
+    """When the verdict is unknown, besides at a tie and where no answer counts.
+
+    `min_sureness` 0 asks for nothing more. `coverage` is the share of images that was to get a
+    verdict when it was learned, None if it was not learned.
+    """
+
+    min_sureness: Annotated[float, Field(ge=0, le=1)] = 0.0
+    coverage: Annotated[float | None, Field(gt=0, le=1)] = None
+
+
+class ProofRecord(Record):
+    """What is proved about the subset: no other has a larger E than `bound`.
+
+    `n_bound` images of the `n_images` training ones are the most that any subset recognizes.
+    """
+
+    badge: Badge
+    value: float
+    bound: float
+    n_bound: int
+    stopped: bool
+
+
+class Origin(Record):
+    """How the questions were chosen; `finished` is False if a user stopped the search.
+
+    The weighted kinds of vote choose their questions and weights themselves, from all questions.
+    """
+
+    engine: Engine = Engine.PAPER
+    objective: Objective
+    weights: ObjectiveWeights
+    settings: SearchSettings
+    seed: int
+    generations: int
+    finished: bool
+    proof: ProofRecord | None = None
+
+
+class ScoreRecord(Record):
+    """Result on one side of the images; 95 % intervals (R_img: share recognized) on test only.
+
+    Rates and their intervals are those of the paper's vote; None for another kind of vote.
+    """
+
+    n_recognized: int
+    n_images: int
+    R_ave: float | None = None
+    R_invalid: float | None = None
+    R_img_interval: tuple[float, float] | None = None
+    R_ave_interval: tuple[float, float] | None = None
+    R_invalid_interval: tuple[float, float] | None = None
+
+
+class Scores(Record):
+    """Training images chose the questions; only the test images say how good they are."""
+
+    train: ScoreRecord
+    test: ScoreRecord | None
+
+
+class EstimateRecord(Record):
+    """What share of new images this kind of vote will recognize, from training images alone.
+
+    Out of bag: search and fits were repeated on `n_resamples` resamples, and judged on the images
+    that each lacked. The interval is one of 95 %.
+    """
+
+    share: Annotated[float, Field(ge=0, le=1)]
+    low: Annotated[float, Field(ge=0, le=1)]
+    high: Annotated[float, Field(ge=0, le=1)]
+    n_images: Annotated[int, Field(ge=1)]
+    n_resamples: Annotated[int, Field(ge=1)]
+
+
+def content_digest(content: dict[str, Any]) -> str:
+    """SHA-256 of all but the digest itself."""
+    rest = {key: value for key, value in content.items() if key != "digest"}
+    canonical = json.dumps(rest, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def upgraded(content: dict[str, Any], shown: str) -> dict[str, Any]:
+    """The content as this version has it.
+
+    Raises:
+        RecognizerError: if it has no version, or comes from a newer program.
+    """
+    version = content.get("schema_version")
+    if not isinstance(version, int) or isinstance(version, bool):
+        raise RecognizerError(f"{shown} is no recognizer file: it has no schema_version")
+    if version > SCHEMA_VERSION:
+        raise RecognizerError(
+            f"{shown} has schema version {version}; this program reads up to {SCHEMA_VERSION}: "
+            "update the program"
+        )
+    if version != 1:
+        return content
+    plain = content.get("threshold", 0.5) == 0.5
+    changed = {
+        "schema_version": SCHEMA_VERSION,
+        "vote": VoteKind.PAPER.value if plain else VoteKind.THRESHOLD.value,
+        "abstain": {} if content.get("abstain", "tie") == "tie" else content["abstain"],
+    }
+    return content | changed
