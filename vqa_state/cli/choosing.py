@@ -1,5 +1,6 @@
 """models …: which there are, saying yes to one, bringing it here, looking whether it sees."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,7 @@ from vqa_state.errors import ModelError
 from vqa_state.models.address import ModelAddress, Source
 from vqa_state.models.approval import approve, approved, withdraw
 from vqa_state.models.hub import download, is_cached
-from vqa_state.models.presets import PRESETS
+from vqa_state.models.presets import PRESETS, Preset
 from vqa_state.project import Project
 
 __all__ = ["models_app"]
@@ -38,27 +39,23 @@ Address = Annotated[
 @models_app.command("list")
 def list_command(as_json: Json = False) -> None:
     """The models to begin with, whether they are on this disk, and those that you approved."""
-    rows = [
-        {
-            "model": preset.address,
-            "title": preset.title,
-            "megabytes_float32": preset.megabytes(),
-            "licence": preset.licence,
-            "needs": list(preset.needs),
-            "on_this_disk": is_cached(ModelAddress.parse(preset.address)),
-            "remark": preset.remark,
-        }
-        for preset in PRESETS
-    ]
     own = [*models.names(), *approved()]
+    here = {one.address: is_cached(ModelAddress.parse(one.address)) for one in PRESETS}
     lines = [f"{name:45} usable now" for name in own]
-    for row in rows:
-        here = "on this disk" if row["on_this_disk"] else "not on this disk"
-        words = [here, f"{row['megabytes_float32']:,} MB in float32", str(row["licence"])]
-        words += [f"needs {', '.join(map(str, row['needs']))}"] if row["needs"] else []
-        words += [str(row["remark"])] if row["remark"] else []
-        lines.append(f"{row['model']:45} {'; '.join(words)}")
+    lines += [f"{one.address:45} {_words(one, here[one.address])}" for one in PRESETS]
+    rows = [
+        asdict(one) | {"megabytes_float32": one.megabytes(), "on_this_disk": here[one.address]}
+        for one in PRESETS
+    ]
     tell(as_json, {"usable": own, "presets": rows}, "\n".join(lines))
+
+
+def _words(preset: Preset, is_here: bool) -> str:
+    where = "on this disk" if is_here else "not on this disk"
+    words = [where, f"{preset.megabytes():,} MB in float32", preset.licence]
+    words += [f"needs {', '.join(preset.needs)}"] if preset.needs else []
+    words += [preset.remark] if preset.remark else []
+    return "; ".join(words)
 
 
 @models_app.command("approve")
@@ -107,7 +104,7 @@ def check_command(
     if found is None:
         raise typer.Exit(3)
     lines = [found.name, found.sentence, *found.notes, f"{found.megabytes:,} MB of memory"]
-    record = {
+    record: dict[str, object] = {
         "model": found.name,
         "fingerprint": found.fingerprint,
         "sight": found.sight.value,

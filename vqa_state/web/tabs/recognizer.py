@@ -20,6 +20,7 @@ from vqa_state.tuning import recognizer_path, refresh
 from vqa_state.web import checks, verdicts, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
+from vqa_state.web.tabs import recheck
 from vqa_state.web.tabs.optimize import HINTS
 from vqa_state.web.views import download, note, unfolding
 
@@ -39,6 +40,7 @@ class Parts:
     verdict: gr.HTML
     camera: gr.Image
     seen: gr.HTML
+    other: recheck.Parts
 
 
 def build(tab: gr.Tab) -> Parts:
@@ -55,7 +57,7 @@ def build(tab: gr.Tab) -> Parts:
             webcam_options=gr.WebcamOptions(mirror=False, constraints=SMALL),
         )  # fmt: skip
         seen = widgets.verdict("camera-verdict")
-    return Parts(tab, objective, about, link, verdict, camera, seen)
+    return Parts(tab, objective, about, link, verdict, camera, seen, recheck.build())
 
 
 def wire(parts: Parts, page: Page) -> None:
@@ -64,6 +66,7 @@ def wire(parts: Parts, page: Page) -> None:
     page.fill(show, shown)
     page.refresh(parts.tab, show, shown)
     page.on(parts.objective.input, choose, [parts.objective], shown[1:])
+    recheck.wire(parts.other, page)
     page.on(parts.camera.change, see, [parts.objective, parts.camera], [parts.seen])
 
 

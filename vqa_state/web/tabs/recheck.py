@@ -1,0 +1,166 @@
+"""The chosen recognizer on another model, on the tab Recognizer: what is lost, and what then."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import gradio as gr
+
+from vqa_state.asking import AskProgress, ask
+from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
+from vqa_state.rechecking import Rechecked, recheck
+from vqa_state.recognizer import Recognizer
+from vqa_state.tuning import OptimizeProgress, optimize, recognizer_path
+from vqa_state.web import checks, watching, widgets
+from vqa_state.web.desk import Desk
+from vqa_state.web.page import Page
+from vqa_state.web.tabs.model import HINT, listed
+from vqa_state.web.views import duration, note
+
+__all__ = ["Parts", "build", "wire"]
+
+#: Re-checking and tuning again are one stretch of work after the other, watched by one line.
+KIND = "trying another model"
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Components of this part of the tab."""
+
+    model: gr.Dropdown
+    start: gr.Button
+    again: gr.Button
+    stop: gr.Button
+    progress: gr.HTML
+    seen: gr.Textbox
+    timer: gr.Timer
+
+
+def build() -> Parts:
+    """Draw it, folded away."""
+    with gr.Accordion("The same questions on another model", open=False, elem_id="recheck"):
+        gr.Markdown(
+            "Which questions work depends on the model. This asks the recognizer's questions on "
+            "another one about your labelled images and shows what is lost. It looks at the test "
+            "images, and the look is counted."
+        )
+        model = gr.Dropdown(
+            listed(""),
+            value=None,
+            label="Other model",
+            info=f"pick one, {HINT}; allow it on Ask first",
+            allow_custom_value=True,
+            elem_id="recheck-model",
+        )
+        with gr.Row():
+            start = gr.Button("Re-check on it", elem_id="recheck-start", scale=0, min_width=170)
+            again = gr.Button(
+                "Optimize again for it", elem_id="recheck-again", scale=0, min_width=200
+            )
+            stop = gr.Button("Stop", interactive=False, elem_id="recheck-stop", scale=0)
+        progress = widgets.note("recheck-progress")
+    seen = gr.Textbox(visible=False)
+    timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
+    return Parts(model, start, again, stop, progress, seen, timer)
+
+
+def wire(parts: Parts, page: Page) -> None:
+    """Connect it."""
+    watched = [parts.progress, parts.start, parts.again, parts.stop, parts.seen]
+    for button, fn in ((parts.start, start), (parts.again, start_again)):
+        started = page.on(button.click, fn, [parts.model], [])
+        page.then_road(page.follow(started.success, follow, watched))
+    page.follow(page.arrived.then, follow, watched)
+    page.on(parts.stop.click, stop, (), [], queue=False)
+    page.on(parts.timer.tick, glance, [parts.seen], watched)
+
+
+def start(desk: Desk, pid: str, model: Any) -> None:
+    """Begin to re-check the chosen recognizer."""
+    name = checks.text(model, "the other model")
+    project = desk.snapshot(pid)
+    recognizer = Recognizer.load(recognizer_path(project, project.chosen))
+    desk.jobs.start(pid, KIND, rechecking(desk, pid, recognizer, name))
+
+
+def start_again(desk: Desk, pid: str, model: Any) -> None:
+    """Begin to ask and optimize anew, on the other model; it becomes the project's."""
+    desk.jobs.start(pid, KIND, tuning(desk, pid, checks.text(model, "the other model")))
+
+
+def rechecking(desk: Desk, pid: str, recognizer: Recognizer, name: str) -> Work:
+    """The work: ask the recognizer's questions, compare."""
+
+    def work(flag: StopFlag) -> Iterator[AskProgress | Rechecked]:
+        for step in recheck(recognizer, desk.snapshot(pid), desk.model(name), flag):
+            if isinstance(step, Rechecked):
+                with desk.changing(pid) as project:
+                    project.test_looks += 1
+            yield step
+
+    return work
+
+
+def tuning(desk: Desk, pid: str, name: str) -> Work:
+    """The work: the whole road from questions to recognizers, on another model."""
+
+    def work(flag: StopFlag) -> Iterator[AskProgress | OptimizeProgress]:
+        loaded = desk.model(name)
+        with desk.changing(pid) as project:
+            project.model, project.fingerprint = loaded.name, loaded.fingerprint
+        yield from ask(desk.snapshot(pid), loaded, flag)
+        if not flag():
+            yield from optimize(desk.snapshot(pid), flag)
+
+    return work
+
+
+def stop(desk: Desk, pid: str) -> None:
+    """Ask the running job to stop."""
+    watching.stop(desk, pid, KIND)
+
+
+def follow(desk: Desk, pid: str) -> Iterator[Any]:
+    """What to show while a job runs."""
+    yield from watching.follow(desk, pid, KIND, view)
+
+
+def glance(desk: Desk, pid: str, seen: Any) -> Any:
+    """What to show if it is news."""
+    return watching.glance(desk, pid, KIND, view, seen) or gr.skip()
+
+
+def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any, Any]:
+    """Progress, both beginnings and stop."""
+    alive = snapshot is not None and snapshot.state.alive
+    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
+    button = gr.Button(interactive=not alive)
+    return _progress(snapshot), button, button, gr.Button(interactive=can_stop)
+
+
+def _progress(snapshot: Snapshot | None) -> Any:
+    if snapshot is None:
+        return note("")
+    if snapshot.state is JobState.FAILED:
+        return note(f"Failed: {snapshot.failure}", "bad")
+    if snapshot.state is JobState.STOPPED:
+        return note("Stopped. What was answered is kept.", "warn")
+    report: AskProgress | OptimizeProgress | Rechecked | None = snapshot.report
+    if report is None:
+        return note("Loading the model…", share=0.0)
+    if isinstance(report, Rechecked):
+        return _found(report)
+    if snapshot.state is JobState.DONE:
+        return note("Done: the recognizers are of the other model now. See Results.", "good")
+    if isinstance(report, AskProgress):
+        left = report.seconds_left
+        words = "" if left is None else f", about {duration(left)} left"
+        share = (report.n_calls - report.n_left) / max(1, report.n_calls)
+        return note(f"Asking {report.n_calls:,} questions{words}", share=share)
+    return note("Choosing questions", share=report.generation / max(1, report.total))
+
+
+def _found(report: Rechecked) -> Any:
+    lines = [side.sentence for side in report.sides]
+    lines += [report.says] if report.says else []
+    return note("\n".join(lines), "warn" if any(side.lost for side in report.sides) else "good")
