@@ -36,6 +36,7 @@ ORDER = [
     "asking",
     "features",
     "checking",
+    "pace",
     "comparing",
     "evaluation",
     "coverage",

@@ -207,7 +207,7 @@ class Recognizer(Record):
     def verdict_so_far(self, votes: Sequence[Vote], milliseconds: float = 0.0) -> Verdict | None:
         """The verdict, if the answers that are still missing cannot change it; else None.
 
-        Its sureness is the least that the open answers could leave.
+        Its sureness is the least that the open answers could leave; if unknown, the most.
         """
         rule, (said, p_positive) = self.rule(), self._arrays(votes)
         n_open = int((said == MISSING).sum())
@@ -216,11 +216,12 @@ class Recognizer(Record):
         state = verdict_so_far(rule, said, p_positive)
         if state is None:
             return None
-        worst = min(
+        # Unknown: even the surest way to go on is not sure enough. Else: even the least sure is.
+        extreme = (max if state is State.UNKNOWN else min)(
             (_judged_with(rule, said, p_positive, rest) for rest in (1, -1)),
             key=lambda judged: judged.sureness,
         )
-        counted = replace(worst, state=state)
+        counted = replace(extreme, state=state)
         reason = f"the {n_open} answers that were not asked for cannot change it"
         if state is State.UNKNOWN:
             reason = f"the vote cannot become sure enough any more: {reason}"

@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from vqa_state.abstaining import AbstainRule
 from vqa_state.answers import AnswerTable
 from vqa_state.assessing import Assessment
+from vqa_state.checking import Pace
 from vqa_state.comparing import Comparison, compare
 from vqa_state.early_stop import Schedule, calls_needed
 from vqa_state.evaluation import Candidate, Interval, exact_interval
+from vqa_state.pace import milliseconds
 from vqa_state.scores import Objective
+from vqa_state.search.proof import Badge
 from vqa_state.tuning import Results, SavedSearch
 from vqa_state.voting.estimates import Estimate, optimism_warning
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
@@ -63,6 +66,7 @@ class Standing:
         n_questions: it asks; 0 for the rival.
         n_calls: calls a decision; 0 for the rival, which calls no VQA model.
         early_calls: mean calls a training image if asking stops early; None for the rival.
+        milliseconds: about what a decision takes; None if no pace was measured.
         train: on training images, which chose it: no interval can be honest there.
         estimate: out of bag, for the kinds of vote of the assessed subset; else None.
         test: on test images; None without them, or where the rival has not seen all of them.
@@ -74,6 +78,7 @@ class Standing:
     n_questions: int
     n_calls: int
     early_calls: float | None
+    milliseconds: float | None
     train: SideScore
     estimate: Estimate | None
     test: SideScore | None
@@ -109,15 +114,18 @@ class _Entry:
     test: Mask | None
 
 
-def standings(chosen: Objective, found: Results, assessed: Assessment | None) -> Standings:
+def standings(
+    chosen: Objective, found: Results, assessed: Assessment | None, pace: Pace | None = None
+) -> Standings:
     """Put everything into one table.
 
     Args:
         chosen: the project's chosen objective.
         found: its present results.
         assessed: of the chosen objective, or None: then only the paper's vote has rows.
+        pace: of the model on this machine, from `vqa_state.pace.read_pace`.
     """
-    maker = _Maker(found, assessed)
+    maker = _Maker(found, assessed, pace)
     entries = list(maker.entries(chosen))
     comparisons = _comparisons(entries, chosen)
     sentences = tuple(one.sentence() for one in comparisons)
@@ -146,8 +154,8 @@ def standings_frame(table: Standings) -> pd.DataFrame:
 class _Maker:
     """Judges votes on both sides."""
 
-    def __init__(self, found: Results, assessed: Assessment | None) -> None:
-        self._found, self._assessed = found, assessed
+    def __init__(self, found: Results, assessed: Assessment | None, pace: Pace | None) -> None:
+        self._found, self._assessed, self._pace = found, assessed, pace
         self._train = Ballots.of_table(found.train)
         self._test = None if found.test is None else Ballots.of_table(found.test)
 
@@ -189,6 +197,7 @@ class _Maker:
             n_questions=vote.n_used,
             n_calls=vote.n_used * train.n_copies,
             early_calls=_early_calls(vote, train),
+            milliseconds=milliseconds(self._pace, vote.n_used, train.n_copies),
             train=_side(vote.decide(self._train) == train.labels, train.labels),
             estimate=estimate,
             test=self._tested(on_test),
@@ -229,6 +238,7 @@ class _Maker:
             n_questions=0,
             n_calls=0,
             early_calls=None,
+            milliseconds=None,
             train=_side(on_train, self._found.train.labels),
             estimate=None,
             test=self._tested(on_test),
@@ -306,7 +316,7 @@ def _badge(objective: Objective, saved: SavedSearch) -> str:
     else:
         gap = math.ceil(max(0.0, saved.proof.bound - saved.proof.value) * 100) / 100
         found = f"{saved.proof.badge.value} (E = {saved.proof.value:.3f}"
-        found += "" if gap == 0 else f", at most {gap:.2f} below the bound"
+        found += "" if saved.proof.badge is Badge.BEST else f", at most {gap:.2f} below the bound"
         found += f"; no subset recognizes more than {saved.proof.n_bound} training images)"
     if saved.paper is not None:
         found += f"; the paper's one search found E = {saved.paper.value:.3f}"
@@ -325,6 +335,7 @@ def _words(row: Standing) -> dict[str, object]:
         "questions": row.n_questions or "–",
         "calls": row.n_calls or "–",
         "calls, stopping early": "–" if row.early_calls is None else f"{row.early_calls:.0f}",
+        "ms": "–" if row.milliseconds is None else f"{row.milliseconds:.0f}",
         "train": share(row.train.whole),
         "out of bag": f"{one.share * n_images:.1f} of {n_images} "
         f"({one.low * n_images:.1f}–{one.high * n_images:.1f})"

@@ -44,7 +44,7 @@ BROKEN_STREAM = (
     "console: Unexpected error Connection errored out",
     "console: Connection errored out",
 )
-WAIT = 20_000
+WAIT = 60_000
 expect.set_options(timeout=WAIT)
 
 pytestmark = [

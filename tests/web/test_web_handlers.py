@@ -26,7 +26,7 @@ def updated(component: Any) -> Any:
 def finished(desk: Desk, pid: str, kind: str) -> Snapshot:
     job = desk.jobs.get(pid, kind)
     assert job is not None
-    return job.join(30)
+    return job.join(120)
 
 
 # ---- header --------------------------------------------------------------------------------

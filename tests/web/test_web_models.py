@@ -22,7 +22,7 @@ STRANGE: list[Any] = [None, [], {}, True, 7, "nothing", "hub:..", "x" * 200_000]
 def finished(desk: Desk, pid: str, kind: str) -> Snapshot:
     job = desk.jobs.get(pid, kind)
     assert job is not None
-    return job.join(60)
+    return job.join(120)
 
 
 def told(desk: Desk, pid: str, name: str) -> tuple[str, bool, bool]:

@@ -11,6 +11,7 @@ from vqa_state.assessing import Assessment, assessment
 from vqa_state.cli.terminal import print_json, print_table
 from vqa_state.errors import NothingToSearchError
 from vqa_state.frontier import thinned
+from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.standings import standings, standings_frame
 from vqa_state.suggesting import Hints, hints
@@ -79,7 +80,10 @@ def show(folder: Path, as_json: bool) -> None:
 def _record(project: Project, found: Results) -> dict[str, object]:
     evaluation = found.evaluation
     assessed = assessment(project, found)
-    table, hinted = standings(project.chosen, found, assessed), hints(project, found, assessed)
+    table, hinted = (
+        standings(project.chosen, found, assessed, read_pace(project)),
+        hints(project, found, assessed),
+    )
     return {
         "recognizers": [asdict(row) for row in table.rows],
         "comparisons": [asdict(one) for one in table.comparisons],
@@ -119,14 +123,15 @@ def _coverage(assessed: Assessment | None) -> dict[str, object]:
 
 def _print_assessed(project: Project, found: Results) -> None:
     assessed = assessment(project, found)
-    table = standings(project.chosen, found, assessed)
+    table = standings(project.chosen, found, assessed, read_pace(project))
     print_table(standings_frame(table), f"{project.name}: all recognizers")
     for sentence in (table.recommendation, *table.warnings, *table.sentences, *table.badges):
         if sentence:
             print(sentence)
     for point in thinned(assessed.frontier) if assessed else ():
+        plural = "" if point.n_questions == 1 else "s"
         print(
-            f"{point.n_questions} question{'s' * (point.n_questions > 1)}, {point.n_calls} calls: at best "
+            f"{point.n_questions} question{plural}, {point.n_calls} calls: at best "
             f"{point.n_recognized} of {point.n_images} training images recognized."
         )
     _print_hints(project, hints(project, found, assessed))

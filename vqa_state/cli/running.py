@@ -20,6 +20,7 @@ from vqa_state.cli.terminal import (
     show_search,
 )
 from vqa_state.errors import NothingToSearchError
+from vqa_state.pace import keep_pace
 from vqa_state.project import Project
 from vqa_state.scores import ObjectiveWeights
 from vqa_state.search.default import Engine
@@ -163,7 +164,10 @@ def _ask(project: Project) -> AskProgress:
     project.fingerprint = vqa_model.fingerprint
     project.save()
     with interruptible() as stop:
-        return show_asking(ask(project, vqa_model, stop))
+        last = show_asking(ask(project, vqa_model, stop))
+    if not last.stopped and not last.n_failed:
+        keep_pace(project, vqa_model)
+    return last
 
 
 def _optimize(project: Project) -> bool:

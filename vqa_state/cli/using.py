@@ -22,6 +22,7 @@ from vqa_state.cli.terminal import (
 from vqa_state.errors import ImageError
 from vqa_state.exporting import recognizer_with
 from vqa_state.files import write_atomically
+from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.rechecking import Rechecked, recheck
 from vqa_state.recognizer import Recognizer, recognize_all
@@ -53,7 +54,7 @@ def report_command(
             write_atomically(csv / f"{name}.csv", frame.to_csv(index=False).encode())
     if html is not None:
         assessed = assessment(project, found)
-        table = standings(project.chosen, found, assessed)
+        table = standings(project.chosen, found, assessed, read_pace(project))
         write_atomically(html, report_page(project, found, assessed, table).encode())
     if not as_json:
         shown = questions.sort_values(["accuracy", "question"], ascending=[False, True])

@@ -1,5 +1,7 @@
 """Makes the model that an address names; loads what its family needs, and nothing else."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 
@@ -38,12 +40,27 @@ def open_model(address: ModelAddress) -> VQAModel:
         folder = folder_of(address)
         runtime = choose_runtime(address.device, address.precision)
         module, kind = _CLASSES[_usable(folder)]
-        made = getattr(import_module(module), kind)(folder, name, runtime, address.prompt)
+        with _without_bars():
+            made = getattr(import_module(module), kind)(folder, name, runtime, address.prompt)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("vqa_state"):
             raise  # our own mistake, not a missing package
         raise MissingPackageError(name, error.name) from error
     return made  # type: ignore[no-any-return]
+
+
+@contextmanager
+def _without_bars() -> Iterator[None]:
+    """The library draws bars of its own while it loads; whoever called us draws ours."""
+    from transformers.utils import logging
+
+    drawn = logging.is_progress_bar_enabled()
+    logging.disable_progress_bar()  # type: ignore[no-untyped-call]
+    try:
+        yield
+    finally:
+        if drawn:
+            logging.enable_progress_bar()  # type: ignore[no-untyped-call]
 
 
 def folder_of(address: ModelAddress) -> Path:

@@ -127,7 +127,7 @@ def _html(facts: _Facts, finished: Sequence[Finished]) -> str:
         "<h2>All experiments together</h2>",
         _as_html(facts.total),
         "<h2>What the paper saw in its model</h2><ul>",
-        *(f"<li>{escape(sentence)}</li>" for sentence in (*facts.remarks, facts.identity)),
+        *(f"<li>{_said(sentence)}</li>" for sentence in (*facts.remarks, facts.identity)),
         "</ul>",
     ]
     for one, (name, frame) in zip(finished, facts.frames.items(), strict=True):
@@ -141,6 +141,12 @@ def _html(facts: _Facts, finished: Sequence[Finished]) -> str:
         '<meta name="viewport" content="width=device-width">'
         f"<title>The paper's experiments</title><style>{_STYLE}</style>{''.join(parts)}</html>\n"
     )
+
+
+def _said(sentence: str) -> str:
+    """Words between backticks as code."""
+    parts = [escape(part) for part in sentence.split("`")]
+    return "".join(f"<code>{part}</code>" if n % 2 else part for n, part in enumerate(parts))
 
 
 def _as_html(frame: pd.DataFrame) -> str:

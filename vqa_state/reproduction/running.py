@@ -9,6 +9,7 @@ from vqa_state.asking import AskProgress, ask
 from vqa_state.errors import ProjectError
 from vqa_state.models.base import VQAModel
 from vqa_state.project import Project
+from vqa_state.search.default import Engine
 from vqa_state.tuning import OptimizeProgress, Results, optimize, results
 
 __all__ = ["Finished", "Step", "copy_projects", "run"]
@@ -84,6 +85,7 @@ def run(
         project = Project.open(folder)
         project.model, project.fingerprint = model.name, model.fingerprint
         project.search_seed = seed
+        project.engine = Engine.PAPER  # the paper's own search, and no other
         project.save()
         for progress in _progress(project, model, stop):
             yield Step(folder.name, number, len(folders), progress)
@@ -99,7 +101,7 @@ def _progress(
 ) -> Iterator[AskProgress | OptimizeProgress]:
     yield from ask(project, model, stop)
     if not _is_searched(project):
-        yield from optimize(project, stop, prove=False)  # eleven times four proofs take long
+        yield from optimize(project, stop)
 
 
 def _is_searched(project: Project) -> bool:

@@ -54,11 +54,11 @@ def build() -> Parts:
     )
     shown = widgets.note("model-about")
     with gr.Row():
-        allow = gr.Button("Allow this model", elem_id="model-allow", visible=False, scale=0)
-        bring = gr.Button("Download", elem_id="model-download", visible=False, scale=0)
-        look = gr.Button(
-            "Does it see, and how fast is it?", elem_id="model-check", scale=0, min_width=260
+        allow = gr.Button(
+            "Allow this model", elem_id="model-allow", visible=False, scale=0, min_width=190
         )
+        bring = gr.Button("Download", elem_id="model-download", visible=False, scale=0)
+        look = gr.Button("Check: does it see?", elem_id="model-check", scale=0, min_width=210)
         stop = gr.Button("Stop", elem_id="model-stop", interactive=False, scale=0)
     progress = widgets.note("model-progress")
     with gr.Accordion("Advanced: how a local model runs, and its prompt", open=False):
