@@ -18,6 +18,7 @@ from vqa_state.jobs import Jobs
 from vqa_state.models import VQAModel
 from vqa_state.project import Project, StateNames
 from vqa_state.questions import QuestionGrid, Wording, phrases_for
+from vqa_state.web.taken import Taken
 
 __all__ = ["Desk"]
 
@@ -41,6 +42,7 @@ class Desk:
         self._models: dict[str, VQAModel] = {}
         self._models_lock = threading.Lock()
         self._checks: dict[str, ModelCheck] = {}
+        self._taken: dict[str, Taken] = {}
 
     def listing(self) -> dict[str, str]:
         """Id and name of every project, by name. A damaged one goes by the name of its folder."""
@@ -109,6 +111,24 @@ class Desk:
     def keep_check(self, name: str, found: ModelCheck) -> None:
         """Remember what was found of a model."""
         self._checks[name] = found
+
+    def taken(self, pid: object) -> Taken:
+        """The vote that was taken for a project since the app was started; at first the paper's.
+
+        Raises:
+            ProjectError: if there is no such project.
+        """
+        self._entry(pid)
+        return self._taken.get(str(pid), Taken())
+
+    def take(self, pid: object, taken: Taken) -> None:
+        """Remember the vote that was taken for a project.
+
+        Raises:
+            ProjectError: if there is no such project.
+        """
+        self._entry(pid)
+        self._taken[str(pid)] = taken
 
     def _name(self, pid: str) -> str:
         try:

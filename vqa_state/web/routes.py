@@ -12,14 +12,19 @@ from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, Response
 from starlette.concurrency import run_in_threadpool
 
-from vqa_state.errors import RecognizerError
+from vqa_state.errors import NothingToSearchError, RecognizerError
 from vqa_state.images import MAX_BYTES
 from vqa_state.importing import add_files
+from vqa_state.pace import read_pace
+from vqa_state.report_page import report_page
 from vqa_state.scores import Objective
 from vqa_state.splits import Split
+from vqa_state.standings import standings
 from vqa_state.tuning import recognizer_path
+from vqa_state.voting.kinds import VoteKind
 from vqa_state.web import checks, verdicts, views
 from vqa_state.web.desk import Desk
+from vqa_state.web.taken import Taken, found_and_assessed, taken_from, taken_recognizer
 
 __all__ = ["MAX_UPLOAD", "explain", "routes"]
 
@@ -27,6 +32,7 @@ MAX_UPLOAD = 500_000_000
 """Bytes of one file, that is of a ZIP; each picture has its own, lower limit."""
 
 MAX_JSON = 2_000_000
+PAPER = VoteKind.PAPER.value
 IMAGE_TYPES = {
     "jpg": "image/jpeg",
     "png": "image/png",
@@ -57,9 +63,17 @@ def routes(desk: Desk) -> APIRouter:
         return await _json(lambda: _remove(desk, pid, wanted))
 
     @router.post("/recognize/{objective}")
-    async def recognize(request: Request, pid: str, objective: str) -> Response:
+    async def recognize(
+        request: Request,
+        pid: str,
+        objective: str,
+        vote: str = PAPER,
+        coverage: str = "1",
+        early: str = "",
+    ) -> Response:
         data = await _body(request, MAX_BYTES)
-        return await _json(lambda: verdicts.of_picture(desk, pid, objective, data))
+        taken = _taken(vote, coverage, early)
+        return await _json(lambda: verdicts.of_picture(desk, pid, objective, data, taken))
 
     @router.get("/thumbs/{image_id}")
     def thumb(pid: str, image_id: str) -> Response:
@@ -75,8 +89,12 @@ def routes(desk: Desk) -> APIRouter:
         return Response(data, media_type=IMAGE_TYPES[found.suffix], headers=PICTURE_HEADERS)
 
     @router.get("/recognizers/{objective}.json")
-    def recognizer(pid: str, objective: str) -> Response:
-        return _download(desk, pid, objective)
+    def recognizer(pid: str, objective: str, vote: str = PAPER, coverage: str = "1") -> Response:
+        return _download(desk, pid, objective, _taken(vote, coverage, ""))
+
+    @router.get("/report.html")
+    def report(pid: str) -> Response:
+        return _report(desk, pid)
 
     return router
 
@@ -143,15 +161,46 @@ def _remove(desk: Desk, pid: str, wanted: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
-def _download(desk: Desk, pid: str, objective: str) -> Response:
-    with desk.reading(pid) as project:
-        path = recognizer_path(project, checks.choice(objective, Objective, "the objective"))
-        name = quote(f"{project.name} {path.stem}.json", safe="")
+def _taken(vote: str, coverage: str, early: str) -> Taken:
+    try:
+        share = float(coverage)
+    except ValueError as error:
+        raise checks.RequestError("the coverage must be a number above 0, at most 1") from error
+    if early not in ("", "1"):
+        raise checks.RequestError("early must be 1 or nothing")
+    return taken_from(vote, share, early == "1")
+
+
+def _download(desk: Desk, pid: str, objective: str, taken: Taken) -> Response:
+    chosen = checks.choice(objective, Objective, "the objective")
+    project = desk.snapshot(pid)
+    path = recognizer_path(project, chosen)
+    if taken.plain:
         try:
             data = path.read_bytes()
         except FileNotFoundError as error:
             raise RecognizerError("there is no recognizer yet; optimize first") from error
-    # Two names, because a plain one holds ASCII only (RFC 6266).
-    kept = f"attachment; filename=\"{path.name}\"; filename*=UTF-8''{name}"
+    else:
+        data = taken_recognizer(project, chosen, taken).to_bytes()
+    return _attachment(data, "application/json", path.name, f"{project.name} {path.name}")
+
+
+def _report(desk: Desk, pid: str) -> Response:
+    """The page that prints. It shows test scores, so it counts as a look."""
+    project = desk.snapshot(pid)
+    found, assessed = found_and_assessed(project)
+    if found is None:
+        raise NothingToSearchError("there is nothing to report yet; optimize first")
+    table = standings(project.chosen, found, assessed, read_pace(project))
+    page = report_page(project, found, assessed, table).encode()
+    if found.test is not None:
+        with desk.changing(pid) as changed:
+            changed.test_looks += 1
+    return _attachment(page, "text/html", "report.html", f"{project.name} report.html")
+
+
+def _attachment(data: bytes, media_type: str, plain: str, shown: str) -> Response:
+    """A file to keep. Two names, because a plain one holds ASCII only (RFC 6266)."""
+    kept = f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(shown, safe='')}"
     headers = {"Content-Disposition": kept, "Cache-Control": "no-store"}
-    return Response(data, media_type="application/json", headers=headers)
+    return Response(data, media_type=media_type, headers=headers)

@@ -8,28 +8,36 @@ from PIL import Image
 
 from vqa_state.recognizer import Recognizer
 from vqa_state.scores import Objective
-from vqa_state.tuning import recognizer_path
 from vqa_state.verdict import Verdict
 from vqa_state.web import checks
 from vqa_state.web.desk import Desk
+from vqa_state.web.taken import Taken, taken_recognizer
 from vqa_state.web.views import counted
 
 __all__ = ["of_picture", "verdict_value"]
 
+PLAIN = Taken()
 
-def of_picture(desk: Desk, pid: object, objective: object, picture: bytes | Image.Image) -> Any:
-    """Recognize a picture with the project's recognizer for this objective.
+
+def of_picture(
+    desk: Desk,
+    pid: object,
+    objective: object,
+    picture: bytes | Image.Image,
+    taken: Taken = PLAIN,
+) -> Any:
+    """Recognize a picture with the project's recognizer for this objective, as it was taken.
 
     Raises:
         RecognizerError: if there is none, or the model is another one.
+        NothingToSearchError: if what was taken needs an assessment first.
         ImageError: if the picture cannot be read.
         ModelError: if the model cannot be loaded or gives not all answers.
     """
     chosen = checks.choice(objective, Objective, "the objective")
-    with desk.reading(pid) as project:
-        path = recognizer_path(project, chosen)
-    recognizer = Recognizer.load(path)
-    verdict = recognizer.recognize(picture, desk.model(recognizer.model.name))
+    recognizer = taken_recognizer(desk.snapshot(pid), chosen, taken)
+    model = desk.model(recognizer.model.name)
+    verdict = recognizer.recognize(picture, model, stop_early=taken.stop_early)
     return verdict_value(recognizer, verdict)
 
 
@@ -46,6 +54,7 @@ def verdict_value(recognizer: Recognizer, verdict: Verdict) -> dict[str, Any]:
         "states": [recognizer.states.positive, recognizer.states.negative],
         "votes": [verdict.n_positive, verdict.n_negative, verdict.n_invalid],
         "n_calls": verdict.n_calls,
+        "n_skipped": verdict.n_skipped,
         "milliseconds": round(verdict.milliseconds),
         "answers": [[question, counted(texts)] for question, texts in said.items()],
     }

@@ -10,7 +10,16 @@ from pathlib import Path
 
 import gradio as gr
 
-__all__ = ["evidence", "heatmap", "label_grid", "note", "question_grid", "search_chart", "verdict"]
+__all__ = [
+    "evidence",
+    "heatmap",
+    "label_grid",
+    "note",
+    "question_grid",
+    "search_chart",
+    "trade",
+    "verdict",
+]
 
 ASSETS = Path(__file__).parent / "assets"
 
@@ -38,6 +47,11 @@ def heatmap(elem_id: str) -> gr.HTML:
 def evidence(elem_id: str) -> gr.HTML:
     """Images with votes and raw answers."""
     return _widget("evidence", elem_id, "dom.js", "cards.js", "evidence.js")
+
+
+def trade(elem_id: str) -> gr.HTML:
+    """What accuracy costs; event `pick` carries which point."""
+    return _widget("trade", elem_id, "dom.js", "trade.js")
 
 
 def verdict(elem_id: str) -> gr.HTML:

@@ -1,5 +1,5 @@
 // Try a recognizer on a picture: drop or browse, see the verdict, its votes and its answers.
-// Value: {project, objective} where one can be dropped, {verdict} or {failure} for a camera.
+// Value: {project, objective, query: how it counts, or missing} where one can be dropped, {verdict} or {failure} for a camera.
 
 const drop = $('.vd-drop'), picker = $('.vd-drop input'), news = $('.vd-news');
 const result = $('.vd-result'), said = $('.vd-said'), picture = $('.vd-result img');
@@ -13,16 +13,16 @@ function draw(verdict, url) {
     el('strong', {className: 'vd-state', data: {state: verdict.state}}, verdict.state_name),
     el('span', {className: 'vd-why'}, verdict.reason),
     voteBar(verdict.votes, verdict.states),
-    el('span', {className: 'vd-why'}, `${verdict.n_calls} calls · ${verdict.milliseconds} ms`),
+    el('span', {className: 'vd-why'}, `${verdict.n_calls} calls${verdict.n_skipped ? ` (${verdict.n_skipped} saved)` : ''} · ${verdict.milliseconds} ms`),
     answerList(verdict.answers, verdict.answers.length <= 8));
 }
 
 async function recognize(file) {
-  const {project, objective} = props.value;
+  const {project, objective, query = ''} = props.value;
   news.textContent = `Looking at ${file.name}…`;
   draw(null);
   try {
-    const verdict = await post(`/projects/${project}/recognize/${encodeURIComponent(objective)}`, file);
+    const verdict = await post(`/projects/${project}/recognize/${encodeURIComponent(objective)}${query}`, file);
     URL.revokeObjectURL(picture.src);
     draw(verdict, URL.createObjectURL(file));
     news.textContent = file.name;

@@ -9,6 +9,7 @@ import gradio as gr
 from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.scores import Objective, ObjectiveWeights, count
+from vqa_state.search.default import Engine
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
 from vqa_state.tuning import OptimizeProgress, Results, optimize, results
@@ -26,6 +27,10 @@ HINTS = {
     Objective.S_MINUS: "few questions, fast",
     Objective.S_PRIME_MINUS: "invalid counts as wrong, few questions",
 }
+ENGINES = {
+    Engine.DEFAULT: "default: searches longer, then proves how good the best can be",
+    Engine.PAPER: "paper: its one genetic search, nothing proved",
+}
 MAX_POINTS = 240
 
 Points = list[tuple[int, float, float]]
@@ -36,6 +41,7 @@ class Parts:
     """Components of the tab; the numbers are in the order of `settle`."""
 
     tab: gr.Tab
+    engine: gr.Radio
     numbers: tuple[gr.Number, ...]
     start: gr.Button
     stop: gr.Button
@@ -62,6 +68,9 @@ def build(tab: gr.Tab) -> Parts:
         "Four searches run side by side. Each looks for the set of questions that is best by its "
         "own objective, on the training images only."
     )
+    engine = gr.Radio(
+        [(hint, one.value) for one, hint in ENGINES.items()], label="Engine", elem_id="engine"
+    )
     with gr.Accordion("Advanced: settings of the search", open=False):
         numbers = _numbers()
     with gr.Row():
@@ -73,7 +82,7 @@ def build(tab: gr.Tab) -> Parts:
     chart = widgets.search_chart("chart")
     seen = gr.Textbox(visible=False)
     timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
-    return Parts(tab, numbers, start, stop, said, chart, seen, timer)
+    return Parts(tab, engine, numbers, start, stop, said, chart, seen, timer)
 
 
 def _numbers() -> tuple[gr.Number, ...]:
@@ -101,6 +110,8 @@ def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
     watched = [parts.note, parts.chart, parts.start, parts.stop, parts.seen]
     page.fill(show, parts.numbers)
+    page.fill(show_engine, [parts.engine])
+    page.on(parts.engine.input, choose_engine, [parts.engine], [])
     page.follow(parts.tab.select, follow, watched)
     started = page.on(parts.start.click, start, parts.numbers, [])
     for trigger in (started.success, page.arrived.then):
@@ -118,6 +129,19 @@ def show(desk: Desk, pid: str) -> Any:
         one.population, one.generations, one.crossover, one.mutation, one.bit_flip,
         one.tournament, weights.alpha, weights.beta, seed,
     )  # fmt: skip
+
+
+def show_engine(desk: Desk, pid: str) -> Any:
+    """How the project searches."""
+    with desk.reading(pid) as project:
+        return project.engine.value
+
+
+def choose_engine(desk: Desk, pid: str, engine: Any) -> None:
+    """Keep how the project searches."""
+    chosen = checks.choice(engine, Engine, "the engine")
+    with desk.changing(pid) as project:
+        project.engine = chosen
 
 
 def start(desk: Desk, pid: str, *numbers: Any) -> None:
@@ -215,11 +239,26 @@ def _live_chart(report: Searching) -> Any:
         "searches": [
             _panel(
                 objective, report.progress.total, report.points[objective][:n_seen],
-                _terms(report.progress.reports[objective].terms),
+                _live_terms(report.progress, objective),
             )
             for objective in Objective
         ]
     }  # fmt: skip
+
+
+def _live_terms(progress: OptimizeProgress, objective: Objective) -> list[list[str]]:
+    """Of the search; once there is news of a proof, of the proof, whose bound falls."""
+    proof = progress.proofs.get(objective)
+    if proof is None:
+        return _terms(progress.reports[objective].terms)
+    found = _terms(proof.terms)
+    if not proof.finished:
+        return [*found, ["proving: E is at most", f"{proof.bound:.3f}"]]
+    return [*found, *_proved(proof.badge.value, proof.bound)]
+
+
+def _proved(badge: str, bound: float) -> list[list[str]]:
+    return [["proof", badge], ["no E is above", f"{bound:.3f}"]]
 
 
 def _saved(desk: Desk, pid: str) -> tuple[Any, Any]:
@@ -244,6 +283,8 @@ def _kept(found: Results) -> list[Any]:
     for objective, saved in found.searches.items():
         points = [(generation, *pair) for generation, pair in enumerate(saved.curve)]
         terms = _terms(Fitness(counts, objective, saved.weights).terms(saved.subset))
+        if saved.proof is not None:
+            terms += _proved(saved.proof.badge.value, saved.proof.bound)
         panels.append(_panel(objective, len(saved.curve) - 1, points, terms))
     return panels
 

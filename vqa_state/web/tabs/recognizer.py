@@ -8,6 +8,7 @@ import gradio as gr
 import numpy as np
 from PIL import Image
 
+from vqa_state.assessing import Assessment
 from vqa_state.errors import (
     NothingToSearchError,
     ProjectError,
@@ -16,12 +17,14 @@ from vqa_state.errors import (
 )
 from vqa_state.recognizer import Recognizer
 from vqa_state.scores import Objective
-from vqa_state.tuning import recognizer_path, refresh
+from vqa_state.tuning import refresh
+from vqa_state.voting.kinds import VoteKind
 from vqa_state.web import checks, verdicts, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
 from vqa_state.web.tabs import recheck
 from vqa_state.web.tabs.optimize import HINTS
+from vqa_state.web.taken import found_and_assessed, taken_from, taken_recognizer
 from vqa_state.web.views import download, note, unfolding
 
 __all__ = ["Parts", "build", "wire"]
@@ -35,6 +38,9 @@ class Parts:
 
     tab: gr.Tab
     objective: gr.Radio
+    vote: gr.Radio
+    coverage: gr.Slider
+    early: gr.Checkbox
     about: gr.HTML
     link: gr.HTML
     verdict: gr.HTML
@@ -47,6 +53,7 @@ def build(tab: gr.Tab) -> Parts:
     """Draw the tab."""
     choices = [(f"{one.value} – {hint}", one.value) for one, hint in HINTS.items()]
     objective = gr.Radio(choices, label="Recognizer", elem_id="objective")
+    vote, coverage, early = _counting()
     about = widgets.note("about")
     link = widgets.note("download")
     gr.Markdown("### Try it on a picture")
@@ -57,7 +64,28 @@ def build(tab: gr.Tab) -> Parts:
             webcam_options=gr.WebcamOptions(mirror=False, constraints=SMALL),
         )  # fmt: skip
         seen = widgets.verdict("camera-verdict")
-    return Parts(tab, objective, about, link, verdict, camera, seen, recheck.build())
+    other = recheck.build()
+    return Parts(
+        tab, objective, vote, coverage, early, about, link, verdict, camera, seen, other
+    )  # fmt: skip
+
+
+def _counting() -> tuple[gr.Radio, gr.Slider, gr.Checkbox]:
+    paper = VoteKind.PAPER.value
+    vote = gr.Radio(
+        [paper], value=paper, label="Kind of vote", elem_id="vote",
+        info="Others than the paper's are learned by Assess on Results.",
+    )  # fmt: skip
+    with gr.Row(equal_height=True):
+        coverage = gr.Slider(
+            0.05, 1, value=1, step=0.05, label="Share of images that shall get a verdict",
+            elem_id="coverage", info="Below 1, doubtful images get “unknown”; needs Assess.",
+        )  # fmt: skip
+        early = gr.Checkbox(
+            label="Stop asking early", elem_id="early",
+            info="As soon as the rest cannot change the verdict, when trying a picture here.",
+        )  # fmt: skip
+    return vote, coverage, early
 
 
 def wire(parts: Parts, page: Page) -> None:
@@ -65,7 +93,13 @@ def wire(parts: Parts, page: Page) -> None:
     shown = [parts.objective, parts.about, parts.link, parts.verdict]
     page.fill(show, shown)
     page.refresh(parts.tab, show, shown)
-    page.on(parts.objective.input, choose, [parts.objective], shown[1:])
+    counting = [parts.vote, parts.coverage, parts.early]
+    page.fill(votes, counting)
+    page.refresh(parts.tab, votes, counting)
+    chosen = page.on(parts.objective.input, choose, [parts.objective], shown[1:])
+    page.on(chosen.success, votes, (), counting)
+    for field in (parts.vote.input, parts.coverage.release, parts.early.input):
+        page.on(field, take, counting, shown[1:])
     recheck.wire(parts.other, page)
     page.on(parts.camera.change, see, [parts.objective, parts.camera], [parts.seen])
 
@@ -85,18 +119,48 @@ def choose(desk: Desk, pid: str, objective: Any) -> Any:
     return _shown(desk, pid, chosen)
 
 
+def votes(desk: Desk, pid: str) -> Any:
+    """The kinds of vote that there are, and what was taken."""
+    taken = desk.taken(pid)
+    try:
+        _, assessed = found_and_assessed(desk.snapshot(pid))
+    except (NothingToSearchError, ProjectError):
+        assessed = None
+    kinds = [VoteKind.PAPER] if assessed is None else list(assessed.votes)
+    names = [_name(kind, assessed) for kind in {**dict.fromkeys(kinds), taken.vote: None}]
+    share = 1.0 if taken.coverage is None else taken.coverage
+    return gr.Radio(names, value=taken.vote.value), share, taken.stop_early
+
+
+def _name(kind: VoteKind, assessed: Assessment | None) -> tuple[str, str]:
+    best = assessed is not None and assessed.recommendation.kind is kind
+    return f"{kind.value} ★ recommended" if best else kind.value, kind.value
+
+
+def take(desk: Desk, pid: str, vote: Any, coverage: Any, early: Any) -> Any:
+    """Remember how to count; what it is, its link, and a place to try it."""
+    desk.take(pid, taken_from(vote, coverage, early))
+    return _shown(desk, pid, desk.snapshot(pid).chosen)
+
+
 def see(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
     """The verdict on a picture of the camera; nothing when it was put away."""
     if not isinstance(frame, np.ndarray):
         return {}
     try:
-        return {"verdict": verdicts.of_picture(desk, pid, objective, Image.fromarray(frame))}
+        return {"verdict": _seen(desk, pid, objective, frame)}
     except VQAStateError as error:
         return {"failure": str(error)}
 
 
+def _seen(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
+    return verdicts.of_picture(desk, pid, objective, Image.fromarray(frame), desk.taken(pid))
+
+
 def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
+    taken = desk.taken(pid)
     place = {"project": pid, "objective": chosen.value}
+    place |= {"query": query} if (query := taken.query(asking=True)) else {}
     none: tuple[Any, Any] = note(""), {}
     project = desk.snapshot(pid)
     try:
@@ -104,12 +168,13 @@ def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
             return note(
                 "There is no recognizer for these answers and labels: optimize first."
             ), *none
-        recognizer = Recognizer.load(recognizer_path(project, chosen))
+        recognizer = taken_recognizer(project, chosen, taken)
     except (NothingToSearchError, ProjectError) as error:
         return note(f"There is no recognizer yet: {error}."), *none
     except RecognizerError as error:
         return note(f"{error}", "bad"), *none
     href = f"/projects/{quote(pid)}/recognizers/{quote(chosen.value)}.json"
+    href += taken.query(asking=False)
     return _about(recognizer), download(href, "Download the recognizer (JSON)"), place
 
 
@@ -123,6 +188,13 @@ def _about(recognizer: Recognizer) -> Any:
         f"It recognizes {train.n_recognized} of the {train.n_images} training images that chose "
         "its questions; for new images, see the test images on Results.",
     ]
+    if recognizer.vote is not VoteKind.PAPER:
+        lines.append(f"Answers are counted by the vote “{recognizer.vote.value}”.")
+    if recognizer.abstain.coverage is not None:
+        lines.append(
+            f"It says “unknown” below a sureness of {recognizer.abstain.min_sureness:.2f}, so that "
+            f"about {recognizer.abstain.coverage:.0%} of new images get a verdict."
+        )
     if not recognizer.origin.finished:
         lines.append("Its search was stopped before the end.")
     texts = [question.text for question in recognizer.questions]

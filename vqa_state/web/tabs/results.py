@@ -10,12 +10,13 @@ from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.evaluation import Row
 from vqa_state.project import Project
 from vqa_state.questions import Form
-from vqa_state.report import comparison_frame, comparison_sentences, heatmap
+from vqa_state.report import comparison_frame, heatmap
 from vqa_state.splits import Split
 from vqa_state.tuning import Results, results
 from vqa_state.web import checks, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
+from vqa_state.web.tabs import assess
 from vqa_state.web.views import image_card, missed_card, note
 
 __all__ = ["Parts", "build", "wire"]
@@ -37,6 +38,7 @@ class Parts:
     test: gr.Dataframe
     sentences: gr.HTML
     test_missed: gr.HTML
+    worth: assess.Parts
 
 
 def build(tab: gr.Tab) -> Parts:
@@ -55,6 +57,7 @@ def build(tab: gr.Tab) -> Parts:
     )
     train = gr.Dataframe(interactive=False, elem_id="train-table", show_label=False)
     train_missed = widgets.evidence("train-missed")
+    worth = assess.build()
     gr.Markdown(
         "### Sets of questions on the test images\nThese images chose nothing. Each look tempts to "
         "choose by them, so looks are counted."
@@ -63,7 +66,9 @@ def build(tab: gr.Tab) -> Parts:
     test = gr.Dataframe(interactive=False, elem_id="test-table", show_label=False, visible=False)
     sentences = widgets.note("sentences")
     test_missed = widgets.evidence("test-missed")
-    return Parts(tab, said, cells, answers, train, train_missed, look, test, sentences, test_missed)
+    return Parts(
+        tab, said, cells, answers, train, train_missed, look, test, sentences, test_missed, worth
+    )
 
 
 def wire(parts: Parts, page: Page) -> None:
@@ -77,7 +82,8 @@ def wire(parts: Parts, page: Page) -> None:
     page.on_data(parts.heatmap.pick, pick, (), [parts.answers])
     page.on_data(parts.train.select, missed_train, (), [parts.train_missed])
     page.on_data(parts.test.select, missed_test, (), [parts.test_missed])
-    page.on(parts.look.click, look, (), [parts.look, parts.test, parts.sentences])
+    looked = page.on(parts.look.click, look, (), [parts.look, parts.test, parts.sentences])
+    assess.wire(parts.worth, page, parts.tab, looked)
 
 
 def show(desk: Desk, pid: str) -> Any:
@@ -100,8 +106,8 @@ def look(desk: Desk, pid: str) -> Any:
         if found is None or found.test is None:
             raise NothingToSearchError("there are no test results yet; optimize first")
         project.test_looks += 1
-        sentences = "\n".join(comparison_sentences(found.evaluation))
-        return _look_button(project, True), _table(found, TEST), note(sentences)
+        said = assess.sentences(project, found)
+        return _look_button(project, True), _table(found, TEST), note(said)
 
 
 def pick(desk: Desk, pid: str, data: Any) -> Any:

@@ -1,0 +1,311 @@
+"""What a recognizer is worth, as the app shows it: assess, take a vote, keep the report."""
+
+import re
+import threading
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from vqa_state.assessing import assess as assess_project
+from vqa_state.errors import NothingToSearchError, ProjectError, VQAStateError
+from vqa_state.exporting import recognizer_with
+from vqa_state.jobs import JobState, Snapshot
+from vqa_state.search.default import Engine
+from vqa_state.splits import Split
+from vqa_state.voting.kinds import VoteKind
+from vqa_state.web.checks import RequestError
+from vqa_state.web.desk import Desk
+from vqa_state.web.guard import LocalGuard
+from vqa_state.web.server import build_api
+from vqa_state.web.tabs import assess, optimize, recognizer, results
+from vqa_state.web.taken import Taken, found_and_assessed, taken_from
+
+STRANGE: list[Any] = [None, "text", [], {}, True, float("nan"), float("inf"), 1e300, -1, 0]
+RESAMPLES = 6
+
+
+class Colours:
+    """A quick image network: the mean of each channel."""
+
+    n_features = 3
+    fingerprint = "colours/1"
+
+    def __call__(self, images: Any) -> Iterator[Any]:
+        for image in images:
+            yield np.asarray(image, np.float32).reshape(-1, 3).mean(axis=0)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few resamples, and a rival without a network."""
+    quickly = partial(assess_project, features=Colours, n_resamples=RESAMPLES)
+    monkeypatch.setattr(assess, "assess", quickly)
+
+
+@pytest.fixture
+def client(desk: Desk) -> TestClient:
+    return TestClient(LocalGuard(build_api(desk)), base_url="http://127.0.0.1")
+
+
+def ended(desk: Desk, pid: str) -> Snapshot:
+    job = desk.jobs.get(pid, assess.KIND)
+    assert job is not None
+    return job.join(120)
+
+
+@pytest.fixture
+def assessed(desk: Desk, optimized: str) -> str:
+    assess.start(desk, optimized)
+    assert ended(desk, optimized).state is JobState.DONE
+    return optimized
+
+
+# ---- assess --------------------------------------------------------------------------------
+
+
+def test_assessing_fills_the_board(desk: Desk, assessed: str) -> None:
+    _, _, _, *board = assess.view(desk, assessed, ended(desk, assessed))
+    advice, use, table, frontier, curve, _, _, link = board
+    assert advice["text"].startswith("Recommended: the vote by")
+    assert use.visible
+    headers, rows = table.value["headers"], table.value["data"]
+    assert "out of bag" in headers
+    assert not [name for name in headers if name.startswith("test")]
+    assert {row[0].removesuffix(" ★") for row in rows} >= {"s+", "s-", "trained image classifier"}
+    assert sum(row[0].endswith("★") for row in rows) == 1
+    assert [one["x"] for one in frontier["points"]] == sorted(
+        one["x"] for one in frontier["points"]
+    )
+    assert all(one["low"] <= one["y"] <= one["high"] for one in curve["points"])
+    assert link["link"]["href"] == f"/projects/{assessed}/report.html"
+    assert desk.snapshot(assessed).test_looks == 0
+
+
+def test_the_board_is_there_after_a_restart(desk: Desk, assessed: str) -> None:
+    fresh = Desk(desk.root)
+    _, _, _, advice, *_ = assess.view(fresh, assessed, None)
+    assert "Recommended" in advice["text"]
+
+
+def test_a_frontier_point_is_what_it_says(desk: Desk, assessed: str) -> None:
+    _, _, _, frontier, *_ = assess.board(desk, assessed)
+    found, kept = found_and_assessed(desk.snapshot(assessed))
+    assert found is not None
+    assert kept is not None
+    known = {question.text for question in found.train.questions}
+    for shown, point in zip(frontier["points"], kept.frontier, strict=True):
+        assert set(shown["lines"]) <= known
+        assert len(shown["lines"]) * found.train.n_copies == shown["x"] == point.n_calls
+
+
+def test_a_running_job_says_how_long_and_leaves_the_board(
+    desk: Desk, optimized: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reached, opened = threading.Event(), threading.Event()
+
+    def slowly(project: Any, stop: Any) -> Iterator[Any]:
+        for number, step in enumerate(
+            assess_project(project, stop, features=Colours, n_resamples=RESAMPLES)
+        ):
+            if number == 3:
+                reached.set()
+                assert opened.wait(60)
+            yield step
+
+    monkeypatch.setattr(assess, "assess", slowly)
+    assess.start(desk, optimized)
+    assert reached.wait(60)
+    job = desk.jobs.get(optimized, assess.KIND)
+    assert job is not None
+    said, start, stop, *board = assess.view(desk, optimized, job.snapshot)
+    assert re.search(r"3 of 6, about .* left of this step", said["text"])
+    assert (start.interactive, stop.interactive) == (False, True)
+    assert len(board) == assess.N_SHOWN
+    assess.stop(desk, optimized)
+    assert "Stopping" in assess.view(desk, optimized, job.snapshot)[0]["text"]
+    opened.set()
+    assert job.join(60).state is JobState.STOPPED
+    _, _, _, advice, *_ = assess.view(desk, optimized, job.snapshot)
+    assert "was stopped after" in advice["text"]
+
+
+def test_without_results_there_is_nothing_to_assess(desk: Desk, pid: str) -> None:
+    assess.start(desk, pid)
+    snapshot = ended(desk, pid)
+    said, _, _, advice, use, table, frontier, *_ = assess.view(desk, pid, snapshot)
+    assert said["tone"] == "bad"
+    assert advice["text"] == ""
+    assert frontier == {}
+    assert not use.visible
+    assert not table.visible
+    for handler in (assess.use, assess.tested):
+        with pytest.raises(VQAStateError):
+            handler(desk, pid)
+
+
+def test_before_assessing_the_table_says_so(desk: Desk, optimized: str) -> None:
+    advice, use, table, frontier, *_ = assess.board(desk, optimized)
+    assert "Not assessed yet" in advice["text"]
+    assert table.visible
+    assert not use.visible
+    assert frontier == {}
+
+
+def test_changed_labels_make_it_stale(desk: Desk, assessed: str) -> None:
+    with desk.changing(assessed) as project:
+        project.set_labels([project.labelled(Split.TRAIN)[0].id], None)
+    assert not assess.board(desk, assessed)[1].visible
+    with pytest.raises(NothingToSearchError):
+        assess.use(desk, assessed)
+
+
+def test_test_images_are_shown_only_after_a_counted_look(desk: Desk, assessed: str) -> None:
+    with pytest.raises(NothingToSearchError, match="look"):
+        assess.tested(desk, assessed)
+    *_, said = results.look(desk, assessed)
+    assert "trained image classifier" in said["text"]
+    assert "test, positive" in assess.tested(desk, assessed).value["headers"]
+    assert desk.snapshot(assessed).test_looks == 1
+
+
+@pytest.mark.parametrize("strange", STRANGE)
+def test_strange_projects_are_refused(desk: Desk, assessed: str, strange: Any) -> None:
+    for handler in (assess.start, assess.board, assess.use, assess.tested, recognizer.votes):
+        with pytest.raises(ProjectError):
+            handler(desk, strange)
+
+
+def test_unlabelled_images_are_listed(desk: Desk, assessed: str) -> None:
+    with desk.changing(assessed) as project:
+        image = project.labelled(Split.TEST)[0]
+        project.set_labels([image.id], None)
+    *_, following, _ = assess.board(desk, assessed)
+    assert [card["image"] for card in following["cards"]] == [image.id]
+    assert "vote" in following["cards"][0]["note"]
+
+
+# ---- take a vote ---------------------------------------------------------------------------
+
+
+def test_the_recommended_vote_is_taken_only_when_asked(desk: Desk, assessed: str) -> None:
+    _, kept = found_and_assessed(desk.snapshot(assessed))
+    assert kept is not None
+    assert desk.taken(assessed) == Taken()
+    desk.take(assessed, Taken(coverage=0.8, stop_early=True))
+    assess.use(desk, assessed)
+    assert desk.taken(assessed) == Taken(kept.recommendation.kind, 0.8, True)
+    radio, share, early = recognizer.votes(desk, assessed)
+    assert (radio.value, share, early) == (kept.recommendation.kind.value, 0.8, True)
+    assert [value for _, value in radio.choices] == [kind.value for kind in kept.votes]
+
+
+@pytest.mark.parametrize("vote", [VoteKind.PAPER, VoteKind.THRESHOLD, VoteKind.WEIGHTED_ANSWERS])
+@pytest.mark.parametrize("coverage", [1, 0.5])
+def test_the_download_is_what_was_taken(
+    client: TestClient, desk: Desk, assessed: str, vote: VoteKind, coverage: float
+) -> None:
+    about, link, place = recognizer.take(desk, assessed, vote.value, coverage, True)
+    project = desk.snapshot(assessed)
+    found, kept = found_and_assessed(project)
+    assert found is not None
+    plain = vote is VoteKind.PAPER and coverage == 1  # as written by the optimization
+    share = None if coverage == 1 else coverage
+    wanted = recognizer_with(project, found, None if plain else kept, vote, share)
+    assert client.get(link["link"]["href"]).content == wanted.to_bytes()
+    assert ("unknown" in about["text"]) == (coverage != 1)
+    image = project.labelled(Split.TEST)[0]
+    verdict = client.post(
+        f"/projects/{assessed}/recognize/s+{place['query']}", content=project.read(image)
+    ).json()
+    all_calls = wanted.calls_per_image
+    assert verdict["n_calls"] + verdict["n_skipped"] == all_calls
+    seen = recognizer.see(desk, assessed, "s+", np.zeros((48, 64, 3), np.uint8))["verdict"]
+    assert seen["n_calls"] + seen["n_skipped"] == all_calls
+
+
+def test_what_is_not_assessed_cannot_be_taken_along(desk: Desk, assessed: str) -> None:
+    recognizer.take(desk, assessed, VoteKind.THRESHOLD.value, 1, False)
+    about, link, place = recognizer.choose(desk, assessed, "s-")
+    assert "Assess" in about["text"]
+    assert "link" not in link
+    assert place == {}
+
+
+@pytest.mark.parametrize("strange", STRANGE)
+def test_strange_choices_change_nothing(desk: Desk, assessed: str, strange: Any) -> None:
+    for fields in ((strange, 1, False), ("paper", strange, False), ("paper", 1, strange)):
+        if fields == ("paper", 1, True):
+            continue
+        with pytest.raises(RequestError):
+            recognizer.take(desk, assessed, *fields)
+    assert desk.taken(assessed) == Taken()
+
+
+@pytest.mark.parametrize(
+    "query",
+    ["vote=x", "coverage=0", "coverage=nan", "coverage=x", "coverage=2", "vote=../x&coverage=1"],
+)
+def test_strange_queries_are_refused(client: TestClient, assessed: str, query: str) -> None:
+    assert client.get(f"/projects/{assessed}/recognizers/s+.json?{query}").status_code == 404
+    url = f"/projects/{assessed}/recognize/s+?{query}"
+    assert client.post(url, content=b"x").status_code == 400
+
+
+def test_an_address_leads_back_to_the_choice() -> None:
+    taken = taken_from("weighted answers", 0.75, True)
+    assert taken.query(asking=True) == "?vote=weighted+answers&coverage=0.75&early=1"
+    assert taken.query(asking=False) == "?vote=weighted+answers&coverage=0.75"
+    assert taken_from("paper", 1).query(asking=True) == ""
+
+
+# ---- the report ----------------------------------------------------------------------------
+
+
+def test_the_report_is_an_attachment_and_a_look(
+    client: TestClient, desk: Desk, assessed: str
+) -> None:
+    with desk.changing(assessed) as project:
+        project.name = '<script>"; ü'
+    reply = client.get(f"/projects/{assessed}/report.html")
+    assert reply.headers["content-disposition"].startswith('attachment; filename="report.html"')
+    assert reply.headers["x-content-type-options"] == "nosniff"
+    assert "<svg" in reply.text
+    assert "<script>" not in reply.text
+    assert desk.snapshot(assessed).test_looks == 1
+
+
+def test_there_is_no_report_before_optimizing(client: TestClient, pid: str) -> None:
+    assert client.get(f"/projects/{pid}/report.html").status_code == 404
+    assert client.get("/projects/../report.html").status_code == 404
+
+
+# ---- the engine ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", Engine)
+def test_the_engine_is_kept(desk: Desk, asked: str, engine: Engine) -> None:
+    optimize.choose_engine(desk, asked, engine.value)
+    assert optimize.show_engine(Desk(desk.root), asked) == engine.value
+    optimize.start(desk, asked, *optimize.show(desk, asked))
+    job = desk.jobs.get(asked, optimize.KIND)
+    assert job is not None
+    assert job.join(120).state is JobState.DONE
+    for chart in (
+        optimize.view(desk, asked, job.snapshot)[1],
+        optimize.view(Desk(desk.root), asked, None)[1],
+    ):
+        terms = [dict(search["terms"]) for search in chart["searches"]]
+        assert all(("proof" in one) == (engine is Engine.DEFAULT) for one in terms)
+        if engine is Engine.DEFAULT:
+            assert {one["proof"] for one in terms} == {"proved best"}  # 16 questions: all subsets
+
+
+@pytest.mark.parametrize("strange", [None, "x", 3, [], {}])
+def test_a_strange_engine_is_refused(desk: Desk, pid: str, strange: Any) -> None:
+    with pytest.raises(RequestError):
+        optimize.choose_engine(desk, pid, strange)
+    assert desk.snapshot(pid).engine is Engine.DEFAULT

@@ -1,0 +1,90 @@
+"""What the user takes along: which kind of vote, when it abstains, whether it stops early."""
+
+from dataclasses import dataclass, replace
+from urllib.parse import urlencode
+
+from vqa_state.assessing import Assessment, assessment
+from vqa_state.errors import NothingToSearchError
+from vqa_state.exporting import recognizer_with
+from vqa_state.project import Project
+from vqa_state.recognizer import Recognizer
+from vqa_state.scores import Objective
+from vqa_state.tuning import Results, recognizer_path, results
+from vqa_state.voting.kinds import VoteKind
+from vqa_state.web import checks
+
+__all__ = ["Taken", "found_and_assessed", "taken_from", "taken_recognizer"]
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """A choice for one project; the first one is what the optimization itself writes.
+
+    Attributes:
+        vote: how answers are counted.
+        coverage: share of images that shall get a verdict, in (0, 1); None abstains only at ties.
+        stop_early: whether asking ends as soon as the rest cannot change the verdict.
+    """
+
+    vote: VoteKind = VoteKind.PAPER
+    coverage: float | None = None
+    stop_early: bool = False
+
+    @property
+    def plain(self) -> bool:
+        """Whether the recognizer is the one that the optimization wrote."""
+        return self.vote is VoteKind.PAPER and self.coverage is None
+
+    def query(self, *, asking: bool) -> str:
+        """The choice as the end of an address; empty for the first choice."""
+        fields: dict[str, str] = {}
+        if not self.plain:
+            fields["vote"] = self.vote.value
+        if self.coverage is not None:
+            fields["coverage"] = f"{self.coverage:g}"
+        if asking and self.stop_early:
+            fields["early"] = "1"
+        return f"?{urlencode(fields)}" if fields else ""
+
+
+def taken_from(vote: object, coverage: object, stop_early: object = False) -> Taken:
+    """A choice from a page or an address; each argument may be anything.
+
+    A coverage of 1 is none: every image gets a verdict, but for ties.
+
+    Raises:
+        RequestError: if an argument is none that a page sends.
+    """
+    kind = checks.choice(vote, VoteKind, "the kind of vote")
+    share = checks.number(coverage, "the coverage")
+    if not 0 < share <= 1:
+        raise checks.RequestError(f"the coverage must be above 0 and at most 1, got {share}")
+    if not isinstance(stop_early, bool):
+        raise checks.RequestError("stopping early must be yes or no")
+    return Taken(kind, None if share == 1 else share, stop_early)
+
+
+def found_and_assessed(project: Project) -> tuple[Results | None, Assessment | None]:
+    """The project's present results, and what is kept of their assessment."""
+    found = results(project)
+    return found, None if found is None else assessment(project, found)
+
+
+def taken_recognizer(project: Project, objective: Objective, taken: Taken) -> Recognizer:
+    """The recognizer for an objective, with the vote and coverage that were taken.
+
+    Raises:
+        RecognizerError: if none was written.
+        NothingToSearchError: if the choice needs an assessment that is not there, or is stale.
+    """
+    if taken.plain:
+        return Recognizer.load(recognizer_path(project, objective))
+    project = replace(project, chosen=objective)
+    found, assessed = found_and_assessed(project)
+    if found is None:
+        raise NothingToSearchError("images, labels or questions changed; optimize again")
+    if assessed is None:
+        raise NothingToSearchError(
+            f"{objective.value} is not assessed for these answers; press Assess on Results first"
+        )
+    return recognizer_with(project, found, assessed, taken.vote, taken.coverage)

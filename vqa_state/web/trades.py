@@ -1,0 +1,68 @@
+"""What accuracy costs, as plain values for the trade chart: calls, or images without a verdict."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from vqa_state.coverage import CoveragePoint
+from vqa_state.frontier import FrontierPoint
+
+__all__ = ["coverage_value", "frontier_value"]
+
+Value = dict[str, Any]
+
+
+def frontier_value(points: Sequence[FrontierPoint], texts: Sequence[str]) -> Value:
+    """Recognized training images against calls; a point unfolds its questions.
+
+    Args:
+        points: from an assessment, cheapest first.
+        texts: of all questions, by their position.
+    """
+    if not points:
+        return {}
+    return {
+        "x": "calls a decision",
+        "y": "recognized training images",
+        "x_range": [0, points[-1].n_calls],
+        "y_range": [0, points[0].n_images],
+        "points": [_frontier_point(point, texts) for point in points],
+    }
+
+
+def _frontier_point(point: FrontierPoint, texts: Sequence[str]) -> Value:
+    plural = "" if point.n_questions == 1 else "s"
+    return {
+        "x": point.n_calls,
+        "y": point.n_recognized,
+        "says": f"{point.n_questions} question{plural}, {point.n_calls} calls: at best "
+        f"{point.n_recognized} of {point.n_images} training images recognized",
+        "lines": [texts[position] for position in point.subset],
+    }
+
+
+def coverage_value(curve: Sequence[CoveragePoint]) -> Value:
+    """Accuracy of the verdicts against the share of images that get one, in percent."""
+    points = [_coverage_point(point) for point in curve if point.n_covered]
+    if not points:
+        return {}
+    return {
+        "x": "images with a verdict, %",
+        "y": "right verdicts, %",
+        "x_range": [0, 100],
+        "y_range": [0, 100],
+        "points": points[::-1],
+    }
+
+
+def _coverage_point(point: CoveragePoint) -> Value:
+    low, high = point.interval.low * 100, point.interval.high * 100
+    return {
+        "x": point.coverage * 100,
+        "y": point.accuracy * 100,
+        "low": low,
+        "high": high,
+        "says": f"{point.n_covered} of {point.n_images} images get a verdict, {point.n_correct} of "
+        f"them the right one ({point.accuracy:.0%}, 95 % interval {low:.0f} to {high:.0f} %); "
+        f"unknown below a sureness of {point.min_sureness:.2f}",
+        "lines": [],
+    }
