@@ -73,7 +73,7 @@ def build() -> Parts:
     use = gr.Button("Use it", elem_id="use-it", visible=False, scale=0)
     used = widgets.note("used")
     table = gr.Dataframe(
-        interactive=False, elem_id="standings", show_label=False, visible=False, wrap=True
+        interactive=False, elem_id="standings", show_label=False, visible=False, max_height=760
     )
     with gr.Row():
         with gr.Column(min_width=300):
@@ -183,7 +183,10 @@ def board(desk: Desk, pid: str) -> tuple[Any, ...]:
         _frame(table, tested=False),
         *_charts(found, assessed),
         *_cards(pid, project, found, assessed),
-        download(f"/projects/{quote(pid)}/report.html", "Keep a report that prints (HTML)"),
+        download(
+            f"/projects/{quote(pid)}/report.html",
+            "Keep a report that prints (HTML; it counts as a look at the test images)",
+        ),
     )
 
 
