@@ -35,7 +35,10 @@ def test_every_error_is_explained(error):
 
 
 def test_the_known_names_are_sorted():
-    assert "unknown model 'x'; choose one of: a, b, or" in str(UnknownModelError("x", ["b", "a"]))
+    assert str(UnknownModelError("x", ["b", "a"])) == (
+        "unknown model 'x'; choose one of: a, b, or give an address: hub:OWNER/NAME, "
+        "folder:/path/to/model, server:http://host:port/v1#MODEL"
+    )
 
 
 def test_a_missing_package_comes_with_its_command():
