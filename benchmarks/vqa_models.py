@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
@@ -43,6 +43,9 @@ _MAX_DIFFERENCE = 1e-4
 
 #: Questions to tiny models; the others get all 64.
 _N_QUICK = 16
+
+#: Of an answer of OFA.
+_OFA_TOKENS = 4
 
 #: Around the table of a page.
 _BEGIN, _END = "<!-- times: begin -->", "<!-- times: end -->"
@@ -112,6 +115,8 @@ def _ofa(folder: Path) -> tuple[Ask, AskAll]:
     from vqa_state.models.ofa.model import OfaModel
 
     model = OfaModel(folder, "ofa", _CPU)
+    # Trained, it ends after a word or two; random weights would run on to the limit of both ways.
+    model._search = replace(model._search, max_length=_OFA_TOKENS)
 
     def ask_all(image: Image, questions: Sequence[str]) -> list[Asked]:
         with _first_logits() as found:
