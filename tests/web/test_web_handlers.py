@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import gradio as gr
 import numpy as np
 import pytest
 
@@ -213,7 +214,7 @@ def test_asking_stops_and_goes_on(desk: Desk, pid: str, scripted: Any, gate: Any
     ask.start(desk, pid, "scripted")
     assert gate.reached.wait(10)
     ask.start(desk, pid, "scripted")  # a second page: attaches
-    ask.stop(desk, pid)
+    watching.Watch(ask.KIND, ask.view).stop(desk, pid)
     job = desk.jobs.get(pid, ask.KIND)
     assert job is not None
     assert "Stopping" in ask.view(desk, pid, job.snapshot)[0]["text"]
@@ -254,21 +255,22 @@ def test_a_page_that_comes_later_follows_the_same_job(
     gate.opened.clear()
     ask.start(desk, pid, "scripted")
     assert gate.reached.wait(10)
-    following = ask.follow(desk, pid)
+    following = watching.Watch(ask.KIND, ask.view).follow(desk, pid)
     _, start, _, seen = next(following)
     assert not start.interactive
     gate.opened.set()
     *_, last = following
     assert "Done" in last[0]["text"]
     assert last[3] != seen
-    assert watching.glance(desk, pid, ask.KIND, ask.view, last[3]) is None
-    assert watching.glance(desk, pid, ask.KIND, ask.view, seen) is not None
+    watch = watching.Watch(ask.KIND, ask.view)
+    assert watch.glance(desk, pid, last[3]) == gr.skip()
+    assert watch.glance(desk, pid, seen)[0] == last[0]
 
 
 def test_without_a_job_there_is_nothing_to_follow(desk: Desk, pid: str) -> None:
-    (only,) = ask.follow(desk, pid)
+    (only,) = watching.Watch(ask.KIND, ask.view).follow(desk, pid)
     assert only[1].interactive
-    assert watching.glance(desk, pid, ask.KIND, ask.view, "") is None
+    assert watching.Watch(ask.KIND, ask.view).glance(desk, pid, "") == gr.skip()
 
 
 # ---- optimize ------------------------------------------------------------------------------

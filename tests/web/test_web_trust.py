@@ -17,6 +17,7 @@ from vqa_state.jobs import JobState, Snapshot
 from vqa_state.search.default import Engine
 from vqa_state.splits import Split
 from vqa_state.voting.kinds import VoteKind
+from vqa_state.web import watching
 from vqa_state.web.checks import RequestError
 from vqa_state.web.desk import Desk
 from vqa_state.web.guard import LocalGuard
@@ -125,7 +126,7 @@ def test_a_running_job_says_how_long_and_leaves_the_board(
     assert re.search(r"3 of 6, about .* left of this step", said["text"])
     assert (start.interactive, stop.interactive) == (False, True)
     assert len(board) == assess.N_SHOWN
-    assess.stop(desk, optimized)
+    watching.Watch(assess.KIND, assess.view).stop(desk, optimized)
     assert "Stopping" in assess.view(desk, optimized, job.snapshot)[0]["text"]
     opened.set()
     assert job.join(60).state is JobState.STOPPED

@@ -5,52 +5,83 @@ lost connection, another tab that starts a job), a timer finds out and shows the
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from vqa_state.jobs import Job, Snapshot
-from vqa_state.web.desk import Desk
+import gradio as gr
 
-__all__ = ["LOOK_AGAIN_SECONDS", "follow", "glance", "stop"]
+from vqa_state.jobs import Job, JobState, Snapshot
+from vqa_state.web.desk import Desk
+from vqa_state.web.page import Page
+
+__all__ = ["Watch", "buttons"]
 
 LOOK_AGAIN_SECONDS = 2.0
 PAUSE_SECONDS = 0.12
 """Between two updates, so that a fast job does not flood the page."""
 
 View = Callable[[Desk, str, Snapshot | None], tuple[Any, ...]]
+Follow = Callable[[Any], Any]
 
 
-def follow(desk: Desk, pid: str, kind: str, view: View) -> Iterator[tuple[Any, ...]]:
-    """What to show of the last job of this kind, until it ends; last, which state was shown."""
-    job = desk.jobs.get(pid, kind)
-    if job is None:
-        yield (*view(desk, pid, None), "")
-        return
-    snapshot = job.snapshot
-    yield (*view(desk, pid, snapshot), _seen(job, snapshot))
-    while snapshot.state.alive:
-        time.sleep(PAUSE_SECONDS)
-        after = job.wait_change(snapshot.version)
-        if after.version != snapshot.version:
-            yield (*view(desk, pid, after), _seen(job, after))
-        snapshot = after
+@dataclass(frozen=True)
+class Watch:
+    """A kind of job, and what a page shows of it. Nothing here changes a job but `stop`."""
+
+    kind: str
+    view: View
+
+    def wire(self, page: Page, shown: Sequence[Any], stop: gr.Button) -> Follow:
+        """Connect the button, and a timer; return what follows the job from an event on.
+
+        Args:
+            page: with the open project.
+            shown: components, in the order of the view.
+            stop: the button that asks the job to stop.
+        """
+        seen, timer = gr.Textbox(visible=False), gr.Timer(LOOK_AGAIN_SECONDS)
+        watched = [*shown, seen]
+        page.on(stop.click, self.stop, (), [], queue=False)
+        page.on(timer.tick, self.glance, [seen], watched)
+        return lambda trigger: page.follow(trigger, self.follow, watched)
+
+    def follow(self, desk: Desk, pid: str) -> Iterator[tuple[Any, ...]]:
+        """What to show of the last job, until it ends; last, which state was shown."""
+        job = desk.jobs.get(pid, self.kind)
+        if job is None:
+            yield (*self.view(desk, pid, None), "")
+            return
+        snapshot = job.snapshot
+        yield (*self.view(desk, pid, snapshot), _seen(job, snapshot))
+        while snapshot.state.alive:
+            time.sleep(PAUSE_SECONDS)
+            after = job.wait_change(snapshot.version)
+            if after.version != snapshot.version:
+                yield (*self.view(desk, pid, after), _seen(job, after))
+            snapshot = after
+
+    def glance(self, desk: Desk, pid: str, seen: Any) -> Any:
+        """What to show now, or nothing new if the page has seen it."""
+        job = desk.jobs.get(pid, self.kind)
+        if job is None:
+            return gr.skip()
+        snapshot = job.snapshot
+        now = _seen(job, snapshot)
+        return gr.skip() if now == seen else (*self.view(desk, pid, snapshot), now)
+
+    def stop(self, desk: Desk, pid: str) -> None:
+        """Ask the job to stop, if there is one."""
+        job = desk.jobs.get(pid, self.kind)
+        if job is not None:
+            job.stop()
 
 
-def glance(desk: Desk, pid: str, kind: str, view: View, seen: Any) -> tuple[Any, ...] | None:
-    """What to show now, or None if the page has seen it."""
-    job = desk.jobs.get(pid, kind)
-    if job is None:
-        return None
-    snapshot = job.snapshot
-    now = _seen(job, snapshot)
-    return None if now == seen else (*view(desk, pid, snapshot), now)
-
-
-def stop(desk: Desk, pid: str, kind: str) -> None:
-    """Ask the job of this kind to stop, if there is one."""
-    job = desk.jobs.get(pid, kind)
-    if job is not None:
-        job.stop()
+def buttons(snapshot: Snapshot | None) -> tuple[gr.Button, gr.Button]:
+    """What starts the job, usable while none is alive, and what stops it."""
+    alive = snapshot is not None and snapshot.state.alive
+    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
+    return gr.Button(interactive=not alive), gr.Button(interactive=can_stop)
 
 
 def _seen(job: Job, snapshot: Snapshot) -> str:

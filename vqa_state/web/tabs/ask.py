@@ -37,8 +37,6 @@ class Parts:
     start: gr.Button
     stop: gr.Button
     progress: gr.HTML
-    seen: gr.Textbox
-    timer: gr.Timer
 
 
 def build(tab: gr.Tab) -> Parts:
@@ -60,15 +58,14 @@ def build(tab: gr.Tab) -> Parts:
         )
         stop = gr.Button("Stop", interactive=False, elem_id="ask-stop", scale=0, min_width=170)
     progress = widgets.note("ask-progress")
-    seen = gr.Textbox(visible=False)
-    timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
-    return Parts(tab, choice, kind, amount, n_copies, cost, start, stop, progress, seen, timer)
+    return Parts(tab, choice, kind, amount, n_copies, cost, start, stop, progress)
 
 
 def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
     settings = [parts.kind, parts.amount, parts.n_copies]
-    watched = [parts.progress, parts.start, parts.stop, parts.seen]
+    shown = [parts.progress, parts.start, parts.stop]
+    follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
     chosen = parts.choice.model
     page.fill(show, [chosen, *settings, parts.cost])
     model.wire(parts.choice, page)
@@ -77,10 +74,7 @@ def wire(parts: Parts, page: Page) -> None:
         page.change(field, augment, settings, [parts.cost])
     started = page.on(parts.start.click, start, [chosen], [])
     for trigger in (started.success, page.arrived.then):
-        ended = page.follow(trigger, follow, watched)
-        page.then_road(page.on(ended.then, costs, (), [parts.cost]))
-    page.on(parts.stop.click, stop, (), [], queue=False)
-    page.on(parts.timer.tick, glance, [parts.seen], watched)
+        page.then_road(page.on(follow(trigger).then, costs, (), [parts.cost]))
 
 
 def show(desk: Desk, pid: str) -> Any:
@@ -139,26 +133,9 @@ def asking(desk: Desk, pid: str, name: str) -> Work:
     return work
 
 
-def stop(desk: Desk, pid: str) -> None:
-    """Ask the running job to stop."""
-    watching.stop(desk, pid, KIND)
-
-
-def follow(desk: Desk, pid: str) -> Iterator[Any]:
-    """What to show while a job runs."""
-    yield from watching.follow(desk, pid, KIND, view)
-
-
-def glance(desk: Desk, pid: str, seen: Any) -> Any:
-    """What to show if it is news."""
-    return watching.glance(desk, pid, KIND, view, seen) or gr.skip()
-
-
 def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
     """Progress, start and stop."""
-    alive = snapshot is not None and snapshot.state.alive
-    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
-    return _progress(snapshot), gr.Button(interactive=not alive), gr.Button(interactive=can_stop)
+    return _progress(snapshot), *watching.buttons(snapshot)
 
 
 def _progress(snapshot: Snapshot | None) -> Any:

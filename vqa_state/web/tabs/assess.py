@@ -41,8 +41,6 @@ class Parts:
     use: gr.Button
     table: gr.Dataframe
     used: gr.HTML
-    seen: gr.Textbox
-    timer: gr.Timer
 
 
 @dataclass(frozen=True)
@@ -86,18 +84,16 @@ def build() -> Parts:
     following = widgets.evidence("label-next")
     link = widgets.note("report-link")
     shown = (advice, use, table, frontier, curve, doubtful, following, link)
-    seen, timer = gr.Textbox(visible=False), gr.Timer(watching.LOOK_AGAIN_SECONDS)
-    return Parts(start, stop, progress, shown, use, table, used, seen, timer)
+    return Parts(start, stop, progress, shown, use, table, used)
 
 
 def wire(parts: Parts, page: Page, tab: gr.Tab, looked: Any) -> None:
     """Connect it; `looked` is the event of a counted look at the test images."""
-    watched = [parts.progress, parts.start, parts.stop, *parts.shown, parts.seen]
+    shown = [parts.progress, parts.start, parts.stop, *parts.shown]
+    follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
     started = page.on(parts.start.click, start, (), [])
     for trigger in (started.success, page.arrived.then, tab.select):
-        page.follow(trigger, follow, watched)
-    page.on(parts.stop.click, stop, (), [], queue=False)
-    page.on(parts.timer.tick, glance, [parts.seen], watched)
+        follow(trigger)
     page.on(parts.use.click, use, (), [parts.used])
     page.refresh(tab, forget, [parts.used])
     page.on(looked.success, tested, (), [parts.table])
@@ -125,26 +121,10 @@ def assessing(desk: Desk, pid: str) -> Work:
     return work
 
 
-def stop(desk: Desk, pid: str) -> None:
-    """Ask the running assessment to stop; what came is kept."""
-    watching.stop(desk, pid, KIND)
-
-
-def follow(desk: Desk, pid: str) -> Iterator[Any]:
-    """What to show while it runs."""
-    yield from watching.follow(desk, pid, KIND, view)
-
-
-def glance(desk: Desk, pid: str, seen: Any) -> Any:
-    """What to show if it is news."""
-    return watching.glance(desk, pid, KIND, view, seen) or gr.skip()
-
-
 def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, ...]:
     """Progress, start and stop, and the board, which a running job leaves as it is."""
     alive = snapshot is not None and snapshot.state.alive
-    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
-    buttons = gr.Button(interactive=not alive), gr.Button(interactive=can_stop)
+    buttons = watching.buttons(snapshot)
     if snapshot is not None and alive:
         return _progress(snapshot), *buttons, *[gr.skip()] * N_SHOWN
     failed = snapshot is not None and snapshot.state is JobState.FAILED

@@ -40,8 +40,6 @@ class Parts:
     check: gr.Button
     stop: gr.Button
     progress: gr.HTML
-    seen: gr.Textbox
-    timer: gr.Timer
     device: gr.Dropdown
     precision: gr.Dropdown
     prompt: gr.Textbox
@@ -72,17 +70,14 @@ def build() -> Parts:
             info="with {question} where the question goes; empty: the model family's own",
             elem_id="model-prompt",
         )
-    seen = gr.Textbox(visible=False)
-    timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
-    return Parts(
-        model, shown, allow, bring, look, stop, progress, seen, timer, device, precision, prompt
-    )
+    return Parts(model, shown, allow, bring, look, stop, progress, device, precision, prompt)
 
 
 def wire(parts: Parts, page: Page) -> None:
     """Connect the choice."""
     told = [parts.about, parts.allow, parts.download]
-    watched = [parts.progress, parts.check, parts.stop, parts.seen]
+    shown = [parts.progress, parts.check, parts.stop]
+    follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
     settings = [parts.device, parts.precision, parts.prompt]
     page.on(parts.model.change, pick, [parts.model], [*told, *settings])
     for field in (parts.device.input, parts.precision.input, parts.prompt.blur):
@@ -90,11 +85,8 @@ def wire(parts: Parts, page: Page) -> None:
     page.on(parts.allow.click, allow, [parts.model], told)
     for button, fn in ((parts.download, start_download), (parts.check, start_check)):
         started = page.on(button.click, fn, [parts.model], [])
-        ended = page.follow(started.success, follow, watched)
-        page.on(ended.then, about, [parts.model], told)
-    page.follow(page.arrived.then, follow, watched)
-    page.on(parts.stop.click, stop, (), [], queue=False)
-    page.on(parts.timer.tick, glance, [parts.seen], watched)
+        page.on(follow(started.success).then, about, [parts.model], told)
+    follow(page.arrived.then)
 
 
 def listed(current: str) -> list[tuple[str, str]]:
@@ -223,26 +215,9 @@ def _checking(desk: Desk, name: str) -> Work:
     return work
 
 
-def stop(desk: Desk, pid: str) -> None:
-    """Ask the running job to stop."""
-    watching.stop(desk, pid, KIND)
-
-
-def follow(desk: Desk, pid: str) -> Iterator[Any]:
-    """What to show while a job runs."""
-    yield from watching.follow(desk, pid, KIND, view)
-
-
-def glance(desk: Desk, pid: str, seen: Any) -> Any:
-    """What to show if it is news."""
-    return watching.glance(desk, pid, KIND, view, seen) or gr.skip()
-
-
 def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
     """Progress, check and stop."""
-    alive = snapshot is not None and snapshot.state.alive
-    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
-    return _progress(snapshot), gr.Button(interactive=not alive), gr.Button(interactive=can_stop)
+    return _progress(snapshot), *watching.buttons(snapshot)
 
 
 def _progress(snapshot: Snapshot | None) -> Any:

@@ -47,8 +47,6 @@ class Parts:
     stop: gr.Button
     note: gr.HTML
     chart: gr.HTML
-    seen: gr.Textbox
-    timer: gr.Timer
 
 
 @dataclass(frozen=True)
@@ -80,9 +78,7 @@ def build(tab: gr.Tab) -> Parts:
         stop = gr.Button("Stop", interactive=False, elem_id="optimize-stop", scale=0, min_width=170)
     said = widgets.note("optimize-note")
     chart = widgets.search_chart("chart")
-    seen = gr.Textbox(visible=False)
-    timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
-    return Parts(tab, engine, numbers, start, stop, said, chart, seen, timer)
+    return Parts(tab, engine, numbers, start, stop, said, chart)
 
 
 def _numbers() -> tuple[gr.Number, ...]:
@@ -108,16 +104,15 @@ def _numbers() -> tuple[gr.Number, ...]:
 
 def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
-    watched = [parts.note, parts.chart, parts.start, parts.stop, parts.seen]
+    shown = [parts.note, parts.chart, parts.start, parts.stop]
+    follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
     page.fill(show, parts.numbers)
     page.fill(show_engine, [parts.engine])
     page.on(parts.engine.input, choose_engine, [parts.engine], [])
-    page.follow(parts.tab.select, follow, watched)
+    follow(parts.tab.select)
     started = page.on(parts.start.click, start, parts.numbers, [])
     for trigger in (started.success, page.arrived.then):
-        page.then_road(page.follow(trigger, follow, watched))
-    page.on(parts.stop.click, stop, (), [], queue=False)
-    page.on(parts.timer.tick, glance, [parts.seen], watched)
+        page.then_road(follow(trigger))
 
 
 def show(desk: Desk, pid: str) -> Any:
@@ -186,26 +181,9 @@ def searching(desk: Desk, pid: str) -> Work:
     return work
 
 
-def stop(desk: Desk, pid: str) -> None:
-    """Ask the running search to stop; it keeps the best so far."""
-    watching.stop(desk, pid, KIND)
-
-
-def follow(desk: Desk, pid: str) -> Iterator[Any]:
-    """What to show while a search runs."""
-    yield from watching.follow(desk, pid, KIND, view)
-
-
-def glance(desk: Desk, pid: str, seen: Any) -> Any:
-    """What to show if it is news."""
-    return watching.glance(desk, pid, KIND, view, seen) or gr.skip()
-
-
 def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, ...]:
     """Note, chart, start and stop."""
-    alive = snapshot is not None and snapshot.state.alive
-    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
-    buttons = gr.Button(interactive=not alive), gr.Button(interactive=can_stop)
+    buttons = watching.buttons(snapshot)
     if snapshot is None or snapshot.report is None:
         said, chart = _saved(desk, pid)
         if snapshot is not None and snapshot.state is JobState.FAILED:

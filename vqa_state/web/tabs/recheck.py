@@ -32,8 +32,6 @@ class Parts:
     again: gr.Button
     stop: gr.Button
     progress: gr.HTML
-    seen: gr.Textbox
-    timer: gr.Timer
 
 
 def build() -> Parts:
@@ -59,20 +57,17 @@ def build() -> Parts:
             )
             stop = gr.Button("Stop", interactive=False, elem_id="recheck-stop", scale=0)
         progress = widgets.note("recheck-progress")
-    seen = gr.Textbox(visible=False)
-    timer = gr.Timer(watching.LOOK_AGAIN_SECONDS)
-    return Parts(model, start, again, stop, progress, seen, timer)
+    return Parts(model, start, again, stop, progress)
 
 
 def wire(parts: Parts, page: Page) -> None:
     """Connect it."""
-    watched = [parts.progress, parts.start, parts.again, parts.stop, parts.seen]
+    shown = [parts.progress, parts.start, parts.again, parts.stop]
+    follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
     for button, fn in ((parts.start, start), (parts.again, start_again)):
         started = page.on(button.click, fn, [parts.model], [])
-        page.then_road(page.follow(started.success, follow, watched))
-    page.follow(page.arrived.then, follow, watched)
-    page.on(parts.stop.click, stop, (), [], queue=False)
-    page.on(parts.timer.tick, glance, [parts.seen], watched)
+        page.then_road(follow(started.success))
+    follow(page.arrived.then)
 
 
 def start(desk: Desk, pid: str, model: Any) -> None:
@@ -115,27 +110,10 @@ def tuning(desk: Desk, pid: str, name: str) -> Work:
     return work
 
 
-def stop(desk: Desk, pid: str) -> None:
-    """Ask the running job to stop."""
-    watching.stop(desk, pid, KIND)
-
-
-def follow(desk: Desk, pid: str) -> Iterator[Any]:
-    """What to show while a job runs."""
-    yield from watching.follow(desk, pid, KIND, view)
-
-
-def glance(desk: Desk, pid: str, seen: Any) -> Any:
-    """What to show if it is news."""
-    return watching.glance(desk, pid, KIND, view, seen) or gr.skip()
-
-
 def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any, Any]:
     """Progress, both beginnings and stop."""
-    alive = snapshot is not None and snapshot.state.alive
-    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
-    button = gr.Button(interactive=not alive)
-    return _progress(snapshot), button, button, gr.Button(interactive=can_stop)
+    start, stop = watching.buttons(snapshot)
+    return _progress(snapshot), start, start, stop
 
 
 def _progress(snapshot: Snapshot | None) -> Any:
