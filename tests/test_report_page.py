@@ -1,17 +1,24 @@
 """The page: complete, self-contained, and deaf to what names try to smuggle in."""
 
+import dataclasses
 import re
+from html import escape
 from html.parser import HTMLParser
 
 import pytest
+from pictures import picture
 from test_assessing import MODEL, Colours
 
 from vqa_state.asking import ask
 from vqa_state.assessing import assess
+from vqa_state.labelling import DoubtfulLabel
 from vqa_state.project import StateNames
 from vqa_state.report_page import report_page
+from vqa_state.report_pictures import MAX_PICTURES, doubtful_labels
 from vqa_state.search.genetic import SearchSettings
+from vqa_state.splits import Split
 from vqa_state.standings import standings
+from vqa_state.suggesting import ask_unlabelled, hints
 from vqa_state.tuning import optimize, results
 
 VOID = {"meta", "img", "br", "path", "polyline"}
@@ -64,8 +71,10 @@ def test_it_is_whole_and_fetches_nothing(tuned):
     assert "http" not in re.sub(r"data:[^\"]*", "", page)
     for question in tuned.questions():
         assert question.text in page
-    row = results(tuned).evaluation.rows[0]
-    assert tags.count("img") == len(row.train_missed) + len(row.test_missed)
+    found = results(tuned)
+    row, hinted = found.evaluation.rows[0], hints(tuned, found, last.assessment)
+    expected = len(row.train_missed) + len(row.test_missed) + len(hinted.doubtful)
+    assert tags.count("img") == expected
 
 
 def test_names_are_shown_as_text(tuned):
@@ -77,6 +86,51 @@ def test_names_are_shown_as_text(tuned):
     assert "<b>" not in page
     assert "onerror=y>" not in page
     assert "&lt;script&gt;" in page
+
+
+def test_it_lists_what_to_label_next_and_what_to_doubt(tuned):
+    evil = "<img src=x onerror=y>.png"
+    ids = [tuned.add(picture(100 + n), f"new {n}{evil}").image.id for n in range(2)]
+    tuned.save()
+    found = results(tuned)
+    *_, last = assess(tuned, features=Colours, n_resamples=3)
+    against = {one.id: -0.9 * one.label for one in tuned.labelled(Split.TRAIN)[:3]}
+    kept = last.assessment.model_copy(update={"margins": last.assessment.margins | against})
+    assert "2 images have neither a label nor answers" in page_of(tuned, kept)
+    list(ask_unlabelled(tuned, found, kept, MODEL))
+    page = page_of(tuned, kept)
+    hinted = hints(tuned, found, kept)
+    assert {one.image_id for one in hinted.next} == set(ids)
+    assert len(hinted.doubtful) >= 3
+    for heading, ones in (("Label next", hinted.next), ("Possibly mislabelled", hinted.doubtful)):
+        part = page.split(f"<h2>{heading}</h2>")[1].split("<h2>")[0]
+        assert part.count("<img ") == len(ones)
+        places = [part.index(escape(tuned.images[one.image_id].name)) for one in ones]
+        assert places == sorted(places)
+        for one in ones:
+            assert escape(one.reason("open", "closed")) in part
+    assert evil not in page
+
+
+def test_empty_lists_say_so(tuned):
+    tuned.states = StateNames("open", "closed")
+    page = page_of(tuned, None)
+    assert "every image in use has its label" in page
+    assert "nothing is assessed yet" in page
+    *_, last = assess(tuned, features=Colours, n_resamples=3)
+    agreeing = {one.id: 0.5 * one.label for one in tuned.labelled(Split.TRAIN)}
+    page = page_of(tuned, last.assessment.model_copy(update={"margins": agreeing}))
+    assert "None: no vote that was chosen without a training image" in page
+
+
+def test_a_long_list_is_cut_and_says_by_how_many(tuned):
+    *_, last = assess(tuned, features=Colours, n_resamples=3)
+    hinted = hints(tuned, results(tuned), last.assessment)
+    one = DoubtfulLabel(tuned.labelled(Split.TRAIN)[0].id, 1, -0.9)
+    hinted = dataclasses.replace(hinted, doubtful=(one,) * (MAX_PICTURES + 2))
+    shown = doubtful_labels(tuned, hinted, assessed=True)
+    assert shown.count("<img ") == MAX_PICTURES
+    assert "And 2 more." in shown
 
 
 def test_without_an_assessment_it_says_so(tuned):

@@ -14,7 +14,7 @@ Production Research 1988 (the beam); P. Pudil et al., "Floating search methods i
 selection", Pattern Recognition Letters 1994 (up and down).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from vqa_state.errors import NothingToSearchError
 from vqa_state.scores import Counts, score
 
-__all__ = ["FrontierPoint", "FrontierReport", "search_frontier", "thinned"]
+__all__ = ["FrontierPoint", "FrontierReport", "point_of", "search_frontier", "thinned"]
 
 MAX_ROUNDS = 4
 
@@ -37,7 +37,7 @@ _Moves = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]
 
 @dataclass(frozen=True, slots=True)
 class FrontierPoint:
-    """The best subset found of one size, on training images.
+    """One subset on training images; of the frontier, the best that was found of its size.
 
     Attributes:
         n_questions: its size.
@@ -54,6 +54,16 @@ class FrontierPoint:
     n_recognized: int
     n_images: int
     R_ave: float
+
+    @property
+    def says(self) -> str:
+        """Its cost and what it recognizes, in one line."""
+        plural = "" if self.n_questions == 1 else "s"
+        return (
+            f"{self.n_questions} question{plural}, {self.n_calls} calls a decision: "
+            f"{self.n_recognized} of {self.n_images} training images recognized, mean correct rate "
+            f"{self.R_ave:.3f}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +107,28 @@ def search_frontier(counts: Counts) -> Iterator[FrontierReport]:
             "questions; label images and ask the model first"
         )
     return _rounds(counts)
+
+
+def point_of(counts: Counts, subset: Sequence[int]) -> FrontierPoint:
+    """Where one subset stands beside the frontier.
+
+    Args:
+        counts: the training images' answers.
+        subset: positions of its questions.
+
+    Raises:
+        ValueError: if a position is out of range or stands there twice.
+    """
+    result = score(counts, subset)
+    n_copies = int((counts.correct + counts.wrong + counts.invalid).max(initial=0))
+    return FrontierPoint(
+        n_questions=len(subset),
+        n_calls=len(subset) * n_copies,
+        subset=tuple(sorted(subset)),
+        n_recognized=result.n_recognized,
+        n_images=result.n_images,
+        R_ave=result.R_ave,
+    )
 
 
 def thinned(points: tuple[FrontierPoint, ...]) -> tuple[FrontierPoint, ...]:
@@ -143,7 +175,6 @@ class _Beams:
         nothing = np.zeros((1, counts.n_images))
         self._correct = np.concatenate([counts.correct.T, nothing])  # (n_questions + 1, n_images)
         self._valid = np.concatenate([(counts.correct + counts.wrong).T, nothing])
-        self._n_copies = int((counts.correct + counts.wrong + counts.invalid)[0, 0])
         self._names = _names(counts.n_questions)
         self._beams = [np.zeros((0, counts.n_questions), dtype=np.uint8)] * (counts.n_questions + 1)
         self._beams[0] = np.zeros((1, counts.n_questions), dtype=np.uint8)
@@ -171,7 +202,7 @@ class _Beams:
         subset = tuple(np.flatnonzero(self._beams[size][0]).tolist())
         held = self._points[size]
         if held is None or held.subset != subset:
-            self._points[size] = self._point(subset)
+            self._points[size] = point_of(self._counts, subset)
 
     def _merge(self, size: int, parents: NDArray[np.uint8], moves: _Moves) -> None:
         """Keep the best of a beam and of the parents after each move, each subset once."""
@@ -209,17 +240,6 @@ class _Beams:
             rates = np.divide(correct, valid, out=np.zeros_like(correct), where=valid > 0)
             values[start : start + step] = n_recognized + rates.mean(axis=1) / 2
         return values
-
-    def _point(self, subset: tuple[int, ...]) -> FrontierPoint:
-        result = score(self._counts, subset)
-        return FrontierPoint(
-            n_questions=len(subset),
-            n_calls=len(subset) * self._n_copies,
-            subset=subset,
-            n_recognized=result.n_recognized,
-            n_images=result.n_images,
-            R_ave=result.R_ave,
-        )
 
 
 def _quality(point: FrontierPoint) -> tuple[int, float]:
