@@ -28,6 +28,7 @@ from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split, astride, divide, look_alikes
+from vqa_state.voting.kinds import VoteKind
 
 __all__ = ["MAX_IMAGES", "Added", "LabelledImage", "Project", "StateNames"]
 
@@ -69,6 +70,10 @@ class Project:
     weights: ObjectiveWeights = field(default_factory=ObjectiveWeights)
     chosen: Objective = Objective.S_PLUS
     """The recognizer that is exported first. Source: the paper advises s+ for accuracy."""
+    vote: VoteKind = VoteKind.PAPER
+    """How the exported recognizer counts answers; an assessment learns the other kinds."""
+    coverage: float | None = None
+    """Share of images that shall get a verdict, in (0, 1); None abstains only at ties."""
     test_looks: int = 0
     """How often the user has looked at the test results."""
     _seen: str = field(default="", repr=False)

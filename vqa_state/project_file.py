@@ -14,6 +14,7 @@ from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
+from vqa_state.voting.kinds import VoteKind
 
 __all__ = ["SCHEMA_VERSION", "LabelledImage", "ProjectFile", "StateNames", "parse_project"]
 
@@ -88,6 +89,8 @@ class ProjectFile(BaseModel):
     search: SearchSettings
     weights: ObjectiveWeights
     chosen: Objective
+    vote: VoteKind = VoteKind.PAPER
+    coverage: Annotated[float, Field(gt=0, lt=1)] | None = None
     test_looks: Annotated[int, Field(ge=0)]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from vqa_state.asking import AskProgress, answer_table, ask
 from vqa_state.assessing import Assessment
-from vqa_state.errors import NothingToSearchError
+from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.labelling import (
     DoubtfulLabel,
     OpenImage,
@@ -58,8 +58,14 @@ def ask_unlabelled(
 
     Raises:
         NothingToSearchError: if every image has a label.
-        ProjectError: if another program asks about this project now.
+        ProjectError: if the model is no longer the one that was asked, or another program asks
+            about this project now.
     """
+    if model.fingerprint != project.fingerprint:
+        raise ProjectError(
+            f"the model {model.name!r} is no longer the one that answered before, so its answers "
+            "cannot join that vote; ask and optimize again"
+        )
     shadow = _shadow(project, _questions(found, _vote(project, found, assessed)))
     if not shadow.images:
         raise NothingToSearchError("every image has a label already; add more images")

@@ -199,6 +199,7 @@ def test_the_recommended_vote_is_taken_only_when_asked(desk: Desk, assessed: str
     desk.take(assessed, Taken(coverage=0.8, stop_early=True))
     assess.use(desk, assessed)
     assert desk.taken(assessed) == Taken(kept.recommendation.kind, 0.8, True)
+    assert Desk(desk.root).taken(assessed) == Taken(kept.recommendation.kind, 0.8)  # restarted
     radio, share, early = recognizer.votes(desk, assessed)
     assert (radio.value, share, early) == (kept.recommendation.kind.value, 0.8, True)
     assert [value for _, value in radio.choices] == [kind.value for kind in kept.votes]

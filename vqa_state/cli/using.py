@@ -71,31 +71,37 @@ def export(
         Objective | None, typer.Option(help="s+ for accuracy, s- for speed; kept as your choice.")
     ] = None,
     vote: Annotated[
-        VoteKind, typer.Option(help="How answers are counted; all but paper need `assess` first.")
-    ] = VoteKind.PAPER,
+        VoteKind | None,
+        typer.Option(help="How answers are counted; all but paper need `assess` first; kept."),
+    ] = None,
     coverage: Annotated[
         float | None,
-        typer.Option(min=0.01, max=1, help="Abstain, so that about this share gets a verdict."),
+        typer.Option(
+            min=0.01, max=1, help="Abstain, so that about this share gets a verdict (1: all); kept."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write one recognizer file. The project's choice is s+ until you pick another."""
+    """Write one recognizer file. The project's choice is s+ with the paper's vote at first."""
     project = Project.open(folder)
     found = found_results(project)
     project.chosen = objective or project.chosen
-    plain = vote is VoteKind.PAPER and coverage is None
+    project.vote = vote or project.vote
+    if coverage is not None:
+        project.coverage = None if coverage == 1 else coverage
+    plain = project.vote is VoteKind.PAPER and project.coverage is None
     assessed = None if plain else assessment(project, found)
-    recognizer = recognizer_with(project, found, assessed, vote, coverage)
+    recognizer = recognizer_with(project, found, assessed, project.vote, project.coverage)
     recognizer.save(out)
     project.save()
     words = f"{out}: {project.chosen.value}, {len(recognizer.questions)} questions"
-    words += "" if plain else f", vote {vote.value}"
-    if coverage is not None:
+    words += "" if plain else f", vote {project.vote.value}"
+    if project.coverage is not None:
         words += f", unknown below a sureness of {recognizer.abstain.min_sureness:.2f}"
     record = {
         "path": str(out),
         "objective": project.chosen.value,
-        "vote": vote.value,
+        "vote": project.vote.value,
         "min_sureness": recognizer.abstain.min_sureness,
     }
     tell(as_json, record, words)

@@ -42,7 +42,7 @@ class Desk:
         self._models: dict[str, VQAModel] = {}
         self._models_lock = threading.Lock()
         self._checks: dict[str, ModelCheck] = {}
-        self._taken: dict[str, Taken] = {}
+        self._early: set[str] = set()
 
     def listing(self) -> dict[str, str]:
         """Id and name of every project, by name. A damaged one goes by the name of its folder."""
@@ -113,22 +113,23 @@ class Desk:
         self._checks[name] = found
 
     def taken(self, pid: object) -> Taken:
-        """The vote that was taken for a project since the app was started; at first the paper's.
+        """The vote and coverage of a project; stopping early only since the app was started.
 
         Raises:
             ProjectError: if there is no such project.
         """
-        self._entry(pid)
-        return self._taken.get(str(pid), Taken())
+        with self.reading(pid) as project:
+            return Taken(project.vote, project.coverage, str(pid) in self._early)
 
     def take(self, pid: object, taken: Taken) -> None:
-        """Remember the vote that was taken for a project.
+        """Keep the vote and coverage in the project, and whether trying it stops early.
 
         Raises:
             ProjectError: if there is no such project.
         """
-        self._entry(pid)
-        self._taken[str(pid)] = taken
+        with self.changing(pid) as project:
+            project.vote, project.coverage = taken.vote, taken.coverage
+        (self._early.add if taken.stop_early else self._early.discard)(str(pid))
 
     def _name(self, pid: str) -> str:
         try:

@@ -18,7 +18,7 @@ __all__ = ["Taken", "found_and_assessed", "taken_from", "taken_recognizer"]
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """A choice for one project; the first one is what the optimization itself writes.
+    """How a recognizer is taken; the first one is what the optimization itself writes.
 
     Attributes:
         vote: how answers are counted.

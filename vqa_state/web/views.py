@@ -1,10 +1,11 @@
 """What the widgets show of a project, as plain JSON values. No gradio, no HTML."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from vqa_state.evaluation import MissedImage
+from vqa_state.labelling import Suggestion
 from vqa_state.project import LabelledImage, Project
 from vqa_state.questions import BuiltGrid, Form, Question
 from vqa_state.report import ImageAnswer, image_answers
@@ -52,13 +53,19 @@ def image_row(image: LabelledImage) -> Value:
     return {"id": image.id, "name": image.name, "label": image.label, "split": image.split}
 
 
-def images_value(pid: str, project: Project, max_bytes: int) -> Value:
-    """The labelling grid's value."""
+def images_value(
+    pid: str, project: Project, max_bytes: int, suggested: Mapping[str, Suggestion]
+) -> Value:
+    """The labelling grid's value; suggestions are of images without a label."""
     return {
         "project": pid,
         "states": [project.states.positive, project.states.negative],
         "max_bytes": max_bytes,
         "items": [image_row(image) for image in project.images.values()],
+        "suggested": {
+            one.image_id: {"label": one.label, "sureness": one.sureness}
+            for one in suggested.values()
+        },
     }
 
 

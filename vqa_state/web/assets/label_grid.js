@@ -1,15 +1,17 @@
 // The labelling grid: pick images by mouse or keys, label them, move on at once.
 // Value: {project, states: [positive, negative], max_bytes, items: [{id, name, label, split}]},
-// with a label of 1, -1 or null and a split of train, test, unused or null.
+// with a label of 1, -1 or null and a split of train, test, unused or null; and suggested:
+// {id: {label, sureness}} for images without a label, which become training images if accepted.
 // What is seen is changed first and saved behind: fast keying never waits for the network.
 
 const grid = $('.lg-grid'), tools = $('.lg-tools'), counts = $('.lg-counts'), zoom = $('.lg-zoom');
 
 let project = '', states = ['', ''], items = [];
+let suggested = {};       // by id
 let cells = [];           // one option per item, in the same order
 let chosen = new Set();   // positions of the selected items
 let anchor = 0, cursor = 0;
-let history = [];         // [{field, before: [[id, value], ...]}, ...]
+let history = [];         // [[{field, before: [[id, value], ...]}, ...], ...], a list for each step
 
 // ---- drawing -------------------------------------------------------------------------------
 
@@ -20,13 +22,23 @@ function stateName(label) {
 function paint(at) {
   const item = items[at], cell = cells[at];
   if (!cell) return;
-  cell.dataset.label = item.label === null ? 'none' : item.label > 0 ? 'positive' : 'negative';
+  const hint = suggestion(item);
+  const shown = hint ? hint.label : item.label;
+  cell.dataset.label = shown === null ? 'none' : shown > 0 ? 'positive' : 'negative';
+  cell.dataset.suggested = Boolean(hint);
   cell.dataset.split = item.split || 'none';
   cell.setAttribute('aria-selected', chosen.has(at));
-  cell.setAttribute('aria-label', `${item.name}: ${stateName(item.label)}, ${item.split || 'no side yet'}`);
+  const guess = hint ? `${stateName(hint.label)} is suggested, ${Math.round(100 * hint.sureness)} % sure` : '';
+  cell.title = guess;
+  cell.setAttribute('aria-label', `${item.name}: ${guess || stateName(item.label)}, ${item.split || 'no side yet'}`);
   cell.classList.toggle('lg-cursor', at === cursor);
-  cell.querySelector('.lg-label').textContent = item.label === null ? '–' : stateName(item.label);
+  cell.querySelector('.lg-label').textContent = hint ? `${stateName(shown)}?` : item.label === null ? '–' : stateName(item.label);
   cell.querySelector('.lg-split').textContent = item.split || '';
+}
+
+/** What is suggested for an image that still has no label. */
+function suggestion(item) {
+  return item.label === null ? suggested[item.id] : undefined;
 }
 
 function count() {
@@ -35,7 +47,8 @@ function count() {
   counts.textContent = !items.length ? '' : [
     `${of('label', 1)} ${states[0]}`, `${of('label', -1)} ${states[1]}`, `${of('label', null)} to label`,
     `${of('split', 'train')} train`, `${of('split', 'test')} test`, `${of('split', 'unused')} unused`,
-    undecided ? `${undecided} on no side yet` : '', `${chosen.size} selected`,
+    undecided ? `${undecided} on no side yet` : '',
+    items.some(suggestion) ? `${items.filter(suggestion).length} suggested` : '', `${chosen.size} selected`,
   ].filter(Boolean).join(' · ');
 }
 
@@ -65,6 +78,7 @@ function build() {
   const at = value.project === project ? cursor : 0;
   project = value.project || '';
   states = value.states || ['', ''];
+  suggested = value.suggested || {};
   items = [];
   cells = [];
   history = [];
@@ -90,7 +104,8 @@ function drawTools() {
     group('Label',
       button(states[0], '1', () => mark('label', 1), 'lg-positive'),
       button(states[1], '2', () => mark('label', -1), 'lg-negative'),
-      button('clear', '0', () => mark('label', null))),
+      button('clear', '0', () => mark('label', null)),
+      ...(items.some(suggestion) ? [button('accept suggested', 'Y', accept)] : [])),
     group('Use for',
       button('train', 'T', () => mark('split', 'train')),
       button('test', 'E', () => mark('split', 'test')),
@@ -134,8 +149,8 @@ function moveTo(at, {extend = false, toggle = false} = {}) {
 function mark(field, value) {
   if (!chosen.size) return;
   const at = [...chosen].sort((a, b) => a - b);
-  history.push({field, before: at.map((k) => [items[k].id, items[k][field]])});
-  apply(field, new Map(at.map((k) => [items[k].id, value])));
+  history.push([change(field, new Map(at.map((k) => [items[k].id, value])))]);
+  save();
   if (field === 'label' && value !== null && at.length === 1) advance(at[0]);
 }
 
@@ -146,20 +161,34 @@ function advance(at) {
   if (next !== undefined) moveTo(next);
 }
 
-function undo() {
-  const step = history.pop();
-  if (step) apply(step.field, new Map(step.before));
+/** The selected images get the labels that are suggested for them, and teach from now on. */
+function accept() {
+  const at = [...chosen].filter((k) => suggestion(items[k])).sort((a, b) => a - b);
+  if (!at.length) return;
+  const labels = new Map(at.map((k) => [items[k].id, suggestion(items[k]).label]));
+  const sides = new Map(at.map((k) => [items[k].id, 'train']));
+  history.push([change('label', labels), change('split', sides)]);
+  save();  // both at once: no label that came from a vote may ever get to the test side
+  if (at.length === 1) advance(at[0]);
 }
 
-function apply(field, values) {
+function undo() {
+  for (const {field, before} of (history.pop() || []).reverse()) change(field, new Map(before));
+  save();
+}
+
+/** Change a field of some images, to be saved; what undoes it. */
+function change(field, values) {
+  const before = [];
   items.forEach((item, at) => {
     if (!values.has(item.id)) return;
+    before.push([item.id, item[field]]);
     item[field] = values.get(item.id);
     paint(at);
   });
   count();
   for (const [id, value] of values) unsaved[field].set(id, value);
-  save();
+  return {field, before};
 }
 
 let unsaved = {label: new Map(), split: new Map()};
@@ -235,7 +264,7 @@ zoom.addEventListener('click', () => zoom.close());
 const KEYS = {
   1: () => mark('label', 1), 2: () => mark('label', -1), 0: () => mark('label', null),
   Backspace: () => mark('label', null), t: () => mark('split', 'train'), e: () => mark('split', 'test'),
-  u: () => mark('split', 'unused'), Delete: remove, Enter: enlarge,
+  u: () => mark('split', 'unused'), y: accept, Delete: remove, Enter: enlarge,
 };
 const CONTROL_KEYS = {a: () => select(new Set(items.keys())), z: undo};
 

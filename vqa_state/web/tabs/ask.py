@@ -9,6 +9,7 @@ import gradio as gr
 from vqa_state.asking import AskProgress, ask, plan
 from vqa_state.augment import Augmentation, AugmentationKind
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
+from vqa_state.pace import keep_pace
 from vqa_state.web import checks, road, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
@@ -122,13 +123,17 @@ def start(desk: Desk, pid: str, chosen: Any) -> None:
 
 
 def asking(desk: Desk, pid: str, name: str) -> Work:
-    """The work: load the model, remember that it is the project's, ask."""
+    """The work: load the model, remember that it is the project's, ask, see how fast it is."""
 
     def work(stop: StopFlag) -> Iterator[AskProgress]:
         loaded = desk.model(name)
         with desk.changing(pid) as project:
             project.model, project.fingerprint = loaded.name, loaded.fingerprint
-        yield from ask(desk.snapshot(pid), loaded, stop)
+        last: AskProgress | None = None
+        for last in ask(desk.snapshot(pid), loaded, stop):
+            yield last
+        if last is not None and not last.stopped and not last.n_failed:
+            keep_pace(desk.snapshot(pid), loaded)
 
     return work
 

@@ -246,6 +246,6 @@ def _cards(
     if n_unasked:
         title = (
             f"{title}. {n_unasked} images without a label lack answers; "
-            "“label --suggest” on the command line asks about them"
+            "“Suggest labels” on Images asks about them"
         )
     return doubtful, evidence(title, hinted.next)

@@ -11,8 +11,8 @@ from vqa_state.splits import Split
 from vqa_state.web import checks, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
-from vqa_state.web.routes import MAX_UPLOAD
-from vqa_state.web.views import images_value, note
+from vqa_state.web.tabs import suggest
+from vqa_state.web.views import note
 
 __all__ = ["Parts", "build", "wire"]
 
@@ -28,11 +28,13 @@ class Parts:
     afresh: gr.Checkbox
     split: gr.Button
     note: gr.HTML
+    suggest: suggest.Parts
 
 
 def build(tab: gr.Tab) -> Parts:
     """Draw the tab."""
     grid = widgets.label_grid("labels")
+    suggested = suggest.build()
     with gr.Accordion("Divide into train and test", open=True, elem_id="divide"):
         gr.Markdown(
             "Training images choose the questions; test images only say how good the choice is. "
@@ -44,7 +46,7 @@ def build(tab: gr.Tab) -> Parts:
             afresh = gr.Checkbox(False, label="Divide again those that have a side already")
         split = gr.Button("Divide", variant="primary", elem_id="split", scale=0, min_width=170)
         said = widgets.note("split-note")
-    return Parts(tab, grid, share, seed, afresh, split, said)
+    return Parts(tab, grid, share, seed, afresh, split, said, suggested)
 
 
 def wire(parts: Parts, page: Page) -> None:
@@ -56,12 +58,13 @@ def wire(parts: Parts, page: Page) -> None:
     page.change(parts.grid.reload, show, (), shown)
     inputs = [parts.share, parts.seed, parts.afresh]
     page.change(parts.split.click, divide, inputs, [parts.grid, parts.note])
+    suggest.wire(parts.suggest, page, parts.grid)
 
 
 def show(desk: Desk, pid: str) -> Any:
     """Grid, seed and note."""
     with desk.reading(pid) as project:
-        return images_value(pid, project, MAX_UPLOAD), project.seed, _sides(project)
+        return suggest.grid_value(desk, pid), project.seed, _sides(project)
 
 
 def tell(desk: Desk, pid: str) -> Any:
@@ -77,7 +80,7 @@ def divide(desk: Desk, pid: str, share: Any, seed: Any, afresh: Any) -> Any:
     with desk.changing(pid) as project:
         project.seed = number
         checks.stated(lambda: project.assign_splits(train_share=part, afresh=afresh is True))
-        return images_value(pid, project, MAX_UPLOAD), _sides(project)
+    return suggest.grid_value(desk, pid), tell(desk, pid)
 
 
 def _sides(project: Project) -> Any:

@@ -1,0 +1,154 @@
+"""Suggested labels on Images: asked for, shown, accepted with one key, never on the test side."""
+
+import time
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, expect
+from stand_ins import Gate, picture
+from test_web_browser import Watched, browser, open_tab, pytestmark, url
+
+from vqa_state.errors import NothingToSearchError
+from vqa_state.jobs import JobState, Snapshot
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.splits import Split
+from vqa_state.web.desk import Desk
+from vqa_state.web.tabs import images, suggest
+from vqa_state.web.watching import Watch
+
+__all__ = ["browser", "pytestmark", "url"]  # fixtures and filters of the other walk
+
+WATCH = Watch(suggest.KIND, suggest.view)
+
+
+@pytest.fixture
+def open_images(desk: Desk, optimized: str) -> dict[str, int]:
+    """Six more pictures without a label, and what they show."""
+    truth = {}
+    with desk.changing(optimized) as project:
+        for number in range(20, 23):
+            for dark in (True, False):
+                added = project.add(picture(number, dark=dark), f"{number}-{dark}.png")
+                truth[added.image.id] = 1 if dark else -1
+    return truth
+
+
+def ended(desk: Desk, pid: str) -> Snapshot:
+    job = desk.jobs.get(pid, suggest.KIND)
+    assert job is not None
+    return job.join(60)
+
+
+def test_the_recognizer_suggests_what_it_sees(
+    desk: Desk, optimized: str, open_images: dict[str, int]
+) -> None:
+    suggest.start(desk, optimized)
+    said, start, stop, grid = suggest.view(desk, optimized, ended(desk, optimized))
+    assert "6 labels are suggested" in said["text"]
+    assert (start.interactive, stop.interactive) == (True, False)
+    assert {one: hint["label"] for one, hint in grid["suggested"].items()} == open_images
+    assert all(0 < hint["sureness"] <= 1 for hint in grid["suggested"].values())
+    assert images.show(desk, optimized)[0] == grid  # a page that comes later shows them, too
+
+
+def test_a_label_by_hand_ends_its_suggestion(
+    desk: Desk, optimized: str, open_images: dict[str, int]
+) -> None:
+    suggest.start(desk, optimized)
+    ended(desk, optimized)
+    first, *rest = open_images
+    with desk.changing(optimized) as project:
+        project.set_labels([first], -open_images[first])
+        project.remove([rest[0]])
+    assert set(suggest.grid_value(desk, optimized)["suggested"]) == set(rest[1:])
+
+
+def test_there_must_be_something_to_suggest(desk: Desk, optimized: str, asked: str) -> None:
+    with pytest.raises(NothingToSearchError, match="every image has a label"):
+        suggest.start(desk, optimized)
+
+
+def test_without_a_recognizer_the_next_step_is_said(desk: Desk, asked: str) -> None:
+    with desk.changing(asked) as project:
+        project.add(picture(30, dark=True), "new.png")
+    with pytest.raises(NothingToSearchError, match="optimize first"):
+        suggest.start(desk, asked)
+
+
+def test_answers_of_another_model_do_not_vote(
+    desk: Desk, optimized: str, open_images: dict[str, int], scripted: ScriptedModel
+) -> None:
+    scripted.fingerprint = "another/1"
+    suggest.start(desk, optimized)
+    snapshot = ended(desk, optimized)
+    assert snapshot.state is JobState.FAILED
+    assert "ask and optimize again" in suggest.view(desk, optimized, snapshot)[0]["text"]
+    assert scripted.asked == []
+
+
+def test_a_stop_keeps_what_was_answered(
+    desk: Desk, optimized: str, open_images: dict[str, int], scripted: ScriptedModel, gate: Gate
+) -> None:
+    with desk.changing(optimized) as project:  # so many that the gate is reached
+        for number in range(40, 80):
+            project.add(picture(number, dark=True), f"{number}.png")
+    gate.opened.clear()
+    suggest.start(desk, optimized)
+    assert gate.reached.wait(60)
+    WATCH.stop(desk, optimized)
+    job = desk.jobs.get(optimized, suggest.KIND)
+    assert job is not None
+    assert job.snapshot.state is JobState.STOPPING
+    gate.opened.set()
+    snapshot = ended(desk, optimized)
+    assert snapshot.state is JobState.STOPPED
+    assert "suggest again to go on" in suggest.view(desk, optimized, snapshot)[0]["text"]
+    n_first = len(scripted.asked)
+    suggest.start(desk, optimized)
+    report = ended(desk, optimized).report
+    assert len(report.found) > 6
+    assert report.asking.n_calls == len(scripted.asked) > n_first  # nothing was paid for twice
+
+
+def test_one_key_accepts_and_another_takes_it_back(
+    desk: Desk, url: str, browser: Browser, optimized: str, open_images: dict[str, int]
+) -> None:
+    watched = Watched(browser, url)
+    page = watched.page
+    open_tab(page, f"{url}/?p={optimized}&tab=images", "#suggest-start")
+    page.locator("#suggest-start").click()
+    guessed = page.locator(".lg-cell[data-suggested='true']")
+    expect(guessed).to_have_count(6)
+    expect(page.locator(".lg-counts")).to_contain_text("6 suggested")
+    guessed.first.click()
+    page.keyboard.press("y")
+    expect(guessed).to_have_count(5)
+    page.keyboard.press("Control+a")
+    page.keyboard.press("y")
+    expect(guessed).to_have_count(0)
+    until(lambda: accepted(desk, optimized, open_images) == 6)
+    page.keyboard.press("Control+z")
+    expect(guessed).to_have_count(5)
+    until(lambda: accepted(desk, optimized, open_images) == 1)
+    page.reload()
+    expect(guessed).to_have_count(5)
+    watched.forget_broken_streams()
+    assert watched.faults == []
+    page.close()
+
+
+def accepted(desk: Desk, pid: str, truth: dict[str, int]) -> int:
+    """Images that got their suggested label; each of them must be a training image."""
+    found = [desk.snapshot(pid).images[image_id] for image_id in truth]
+    labelled = [image for image in found if image.label is not None]
+    assert all(image.label == truth[image.id] for image in labelled)
+    assert all(image.split is Split.TRAIN for image in labelled)
+    assert all(image.split is None for image in found if image.label is None)
+    return len(labelled)
+
+
+def until(holds: Any) -> None:
+    end = time.monotonic() + 20
+    while not holds():
+        assert time.monotonic() < end, "it was not saved"
+        time.sleep(0.05)
