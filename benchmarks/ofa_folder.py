@@ -113,6 +113,8 @@ def _weight(name: str, shape: Any, n_words: int) -> "Tensor":
     values: Tensor = torch.randn(tuple(shape), generator=generator)
     if name.endswith("embed_tokens.weight"):
         return _words_first(values, n_words)
+    if name == "decoder.layer_norm.weight":
+        return values.sign()  # else the tied table of words would repeat the question's last one
     if name.endswith(("running_var", "c_attn")) or (values.ndim == 1 and name.endswith("weight")):
         return 1 + 0.2 * values.tanh()  # of norms and heads: near 1
     if values.ndim == 1:

@@ -131,10 +131,10 @@ def _ofa(folder: Path) -> tuple[Ask, AskAll]:
 
 
 _FAMILIES = (
-    _Family("chat", "SmolVLM-256M", 20, build_idefics3, _chat),  # takes longest: first
+    _Family("ofa", "OFA-base", 1.3, build_ofa, _ofa),  # these two take longest: first
+    _Family("chat", "SmolVLM-256M", 20, build_idefics3, _chat),
     _Family("blip", "BLIP-base", 20, build_blip, _blip),
     _Family("vilt", "ViLT-B/32", 1.15, build_vilt, _vilt),
-    _Family("ofa", "OFA-base", 1.3, build_ofa, _ofa),
 )
 
 
