@@ -5,26 +5,19 @@ from html import unescape
 
 import numpy as np
 import pytest
-from test_assessing import MODEL
+from tuned_project import tuned_copy
 
-from vqa_state.asking import ask
 from vqa_state.frontier import FrontierPoint, search_frontier
 from vqa_state.frontier_marks import MarkedPoint, marked_points
 from vqa_state.report_plots import frontier_plot
 from vqa_state.scores import count
-from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
-from vqa_state.tuning import optimize, results
+from vqa_state.tuning import results
 
 
 @pytest.fixture
-def tuned(make_project):
-    project = make_project(n_train=4, n_test=3)
-    project.search = SearchSettings(population=30, generations=5)
-    project.model, project.fingerprint = MODEL.name, MODEL.fingerprint
-    list(ask(project, MODEL))
-    list(optimize(project, prove=False))
-    return project
+def tuned(make_project, tmp_path):
+    return tuned_copy(make_project, tmp_path)
 
 
 def test_they_are_what_the_training_answers_say(tuned):

@@ -7,19 +7,18 @@ from html.parser import HTMLParser
 
 import pytest
 from pictures import picture
-from test_assessing import MODEL, Colours
+from test_assessing import Colours
+from tuned_project import MODEL, tuned_copy
 
-from vqa_state.asking import ask
 from vqa_state.assessing import assess
 from vqa_state.labelling import DoubtfulLabel
 from vqa_state.project import StateNames
 from vqa_state.report_page import report_page
 from vqa_state.report_pictures import MAX_PICTURES, doubtful_labels
-from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
 from vqa_state.standings import standings
 from vqa_state.suggesting import ask_unlabelled, hints
-from vqa_state.tuning import optimize, results
+from vqa_state.tuning import results
 
 VOID = {"meta", "img", "br", "path", "polyline"}
 
@@ -42,13 +41,8 @@ class Balanced(HTMLParser):
 
 
 @pytest.fixture
-def tuned(make_project):
-    project = make_project(n_train=4, n_test=3)
-    project.search = SearchSettings(population=30, generations=5)
-    project.model, project.fingerprint = MODEL.name, MODEL.fingerprint
-    list(ask(project, MODEL))
-    list(optimize(project, prove=False))
-    return project
+def tuned(make_project, tmp_path):
+    return tuned_copy(make_project, tmp_path)
 
 
 def page_of(project, assessed):

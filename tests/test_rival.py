@@ -11,7 +11,10 @@ from sklearn.preprocessing import StandardScaler
 
 from vqa_state.embedded.pooled import PooledFeatures
 from vqa_state.errors import NothingToSearchError
-from vqa_state.rival import fit_rival
+from vqa_state.out_of_bag import out_of_bag
+from vqa_state.rival import fit_rival, rival_out_of_bag
+from vqa_state.voting.bags import divisible, draw_bag
+from vqa_state.voting.kinds import Ballots
 
 
 def features_of(seed, labels, n_copies=4, n_features=30, noise=3.0):
@@ -31,13 +34,16 @@ class TestRival:
     def test_its_odds_are_scikit_learns(self):
         train, new = features_of(0, LABELS), features_of(1, LABELS)
         rival = fit_rival(train, LABELS)
-        rows = train.reshape(-1, 30).astype(np.float64)
+        rows = train.astype(np.float64).mean(axis=1)
         scaler = StandardScaler().fit(rows)
         spread = (scaler.transform(rows) ** 2).sum() / len(rows)
         theirs = LogisticRegression(C=1 / (rival.strength * spread), tol=1e-9, max_iter=10_000)
-        theirs.fit(scaler.transform(rows), np.repeat(LABELS, 4))
-        odds = theirs.decision_function(scaler.transform(new.reshape(-1, 30).astype(np.float64)))
-        np.testing.assert_allclose(rival.odds(new), odds.reshape(20, 4).mean(axis=1), atol=1e-4)
+        theirs.fit(scaler.transform(rows), LABELS)
+        one_by_one = [
+            theirs.decision_function(scaler.transform(new[:, copy].astype(np.float64)))
+            for copy in range(4)
+        ]
+        np.testing.assert_allclose(rival.odds(new), np.mean(one_by_one, axis=0), atol=1e-4)
 
     def test_it_recognizes_new_images_where_there_is_a_signal(self):
         many = np.repeat(np.array([1, -1], np.int8), 200)
@@ -84,6 +90,66 @@ class TestRival:
         for bad in (train[:, :0], train[:, :, :3], train[0]):
             with pytest.raises(ValueError, match="n_copies"):
                 rival.odds(bad)
+
+
+class TestOutOfBag:
+    def test_every_bag_is_repeated_by_hand(self):
+        """One image at a time, on the bags that the votes had."""
+        train = features_of(6, LABELS, n_features=12)
+        groups = np.arange(20) // 2
+        ballots = Ballots(*np.ones((2, 20, 3), np.int64), n_copies=2)
+        *_, votes = out_of_bag(
+            ballots, LABELS, groups, seed=1, find=lambda counts, seed: (0,), n_resamples=7
+        )
+        bags = [resample.bag for resample in votes.result().resamples]
+        right = [[] for _ in LABELS]
+        for bag, resample in zip(bags, votes.result().resamples, strict=True):
+            assert set(np.flatnonzero(~resample.out)) == set(bag.tolist())
+            rival = fit_rival(train[bag], LABELS[bag], groups[bag])
+            for image in set(range(20)) - set(bag.tolist()):
+                right[image].append(rival.decide(train[[image]])[0] == LABELS[image])
+        reports = list(rival_out_of_bag(train, LABELS, groups, bags))
+        assert [(r.n_done, r.n_total) for r in reports] == [(n, 7) for n in range(1, 8)]
+        shares = [np.mean(of) if of else np.nan for of in right]
+        np.testing.assert_allclose(reports[-1].recognized, shares)
+        assert reports[-1].estimate.share == pytest.approx(np.nanmean(shares))
+        assert reports[-1].estimate.positive == pytest.approx(np.nanmean(shares[:10]))
+
+    def test_labels_without_a_signal_promise_nothing(self):
+        rng = np.random.default_rng(0)
+        shares = []
+        for seed in range(8):
+            labels = rng.permutation(LABELS)
+            train = features_of(seed, LABELS)
+            bags = bags_of(labels, seed)
+            *_, last = rival_out_of_bag(train, labels, np.arange(20), bags)
+            assert fit_rival(train, labels).recognized(train, labels).mean() > 0.7
+            shares.append(last.estimate.share)
+        assert 0.3 < np.mean(shares) < 0.62
+
+    def test_it_foretells_new_images(self):
+        """Of the same process, the mean over tasks is near the truth, a little below."""
+        foretold, true = [], []
+        many = np.repeat(np.array([1, -1], np.int8), 100)
+        for seed in range(10):
+            train, new = features_of(seed, LABELS), features_of(1000 + seed, many)
+            *_, last = rival_out_of_bag(train, LABELS, np.arange(20), bags_of(LABELS, seed))
+            foretold.append(last.estimate.share)
+            true.append(fit_rival(train, LABELS).recognized(new, many).mean())
+        assert abs(np.mean(foretold) - np.mean(true)) < 0.08
+
+    def test_a_state_of_look_alikes_only_still_has_an_estimate(self):
+        groups = np.array([0] * 10 + list(range(1, 11)))
+        train = features_of(3, LABELS)
+        kept = divisible(LABELS, groups)
+        bags = [draw_bag(LABELS, kept, np.random.default_rng(n)) for n in range(6)]
+        *_, last = rival_out_of_bag(train, LABELS, groups, bags)
+        assert 0 <= last.estimate.share <= 1
+
+
+def bags_of(labels, seed, n_bags=12):
+    rng = np.random.default_rng(seed)
+    return [draw_bag(labels, np.arange(len(labels)), rng) for _ in range(n_bags)]
 
 
 @pytest.fixture(scope="module")

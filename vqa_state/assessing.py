@@ -1,8 +1,8 @@
 """What a recognizer is worth: its kinds of vote, an honest estimate, what it costs, its rival.
 
 All of it is made of training images alone, and kept in assessments/OBJECTIVE.json until answers,
-labels, look-alikes or the subset change. Only the rival also looks at the test pictures, to say
-what state they show; whether that is right, the report says.
+labels, look-alikes or the subset change. Only the rival also looks at the test pictures
+(`vqa_state.rival_trial`).
 """
 
 import hashlib
@@ -20,16 +20,15 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from vqa_state.abstaining import AbstainRule
 from vqa_state.answers import AnswerTable
 from vqa_state.coverage import CoveragePoint, coverage_curve
-from vqa_state.errors import ModelError, NothingToSearchError
-from vqa_state.features import Featurizer, embedded_features, features_of
+from vqa_state.errors import NothingToSearchError
+from vqa_state.features import Featurizer, embedded_features
 from vqa_state.files import write_atomically
 from vqa_state.frontier import FrontierPoint, search_frontier
 from vqa_state.out_of_bag import N_RESAMPLES, OutOfBag, OutOfBagProgress, SubsetSearch, out_of_bag
-from vqa_state.project import LabelledImage, Project
-from vqa_state.rival import fit_rival
+from vqa_state.project import Project
+from vqa_state.rival_trial import RivalRecord, RivalStage, RivalStep, try_rival
 from vqa_state.scores import Counts, Objective, count
 from vqa_state.search.genetic import SearchSettings, search
-from vqa_state.splits import Split
 from vqa_state.tuning import Results, results, table_digest
 from vqa_state.voting.choosing import Recommendation
 from vqa_state.voting.estimates import Estimate, known_mean
@@ -48,18 +47,10 @@ class Stage(StrEnum):
 
     RESAMPLES = "repeating the search on resamples"
     FRONTIER = "looking what each further question buys"
-    RIVAL = "showing the images to the rival"
-
-
-class RivalRecord(BaseModel):
-    """The trained rival, and the state that it sees in each image: +1, -1 or 0 for unknown."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    fingerprint: str
-    strength: float
-    n_features: int
-    sides: dict[str, Literal[-1, 0, 1]]
+    LOADING = RivalStage.LOADING
+    RIVAL = RivalStage.LOOKING
+    RIVAL_BAGS = RivalStage.BAGS
+    RIVAL_TIME = RivalStage.TIMING
 
 
 class Assessment(BaseModel):
@@ -83,7 +74,7 @@ class Assessment(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     objective: Objective
     table: str
     seed: int
@@ -149,17 +140,19 @@ def assess(
         )
     making = _Making(project, found)
     bags: OutOfBagProgress | None = None
+    yield AssessProgress(Stage.RESAMPLES, 0, n_resamples)
+    if stop():
+        return
     for bags in making.bags(n_resamples):
         yield AssessProgress(Stage.RESAMPLES, bags.n_done, bags.n_total)
         if stop():
             break
-    if bags is None:
-        return
+    assert bags is not None  # noqa: S101  # there is at least one resample, or it was refused
     frontier = yield from _frontier(making, stop)
-    rival, no_rival = yield from _rival(making, features, stop)
+    rival, no_rival = yield from _rival(making, bags.result(), features, stop)
     done = making.assessment(bags, frontier, rival, no_rival, finished=not stop())
     write_atomically(_path(project, done.objective), _bytes(done))
-    yield AssessProgress(Stage.RIVAL, 1, 1, done)
+    yield AssessProgress(Stage.RIVAL_TIME, 1, 1, done)
 
 
 def _frontier(
@@ -177,22 +170,16 @@ def _frontier(
 
 
 def _rival(
-    making: "_Making", features: Callable[[], Featurizer], stop: Callable[[], bool]
+    making: "_Making", out: OutOfBag, features: Callable[[], Featurizer], stop: Callable[[], bool]
 ) -> Generator[AssessProgress, None, tuple[RivalRecord | None, str]]:
     """The rival, or None and why there is none."""
     if stop():
         return None, "it was stopped"
-    try:
-        featurizer = features()
-    except (ImportError, ModelError) as error:
-        return None, str(error)
-    rows: dict[str, NDArray[np.float32]] = {}
-    failures: dict[str, str] = {}
-    for step in features_of(making.project, making.images, featurizer, stop):
-        rows, failures = step.features, step.failures
-        yield AssessProgress(Stage.RIVAL, step.n_done, step.n_total)
-    rival = making.rival(featurizer, rows)
-    return rival, next(iter(failures.values()), "it was stopped") if rival is None else ""
+    last = None
+    for last in making.rival(out, features, stop):
+        if last.rival is None and not last.none_because:
+            yield AssessProgress(Stage(last.stage), last.n_done, last.n_total)
+    return (None, "") if last is None else (last.rival, last.none_because)
 
 
 def assessment(project: Project, found: Results) -> Assessment | None:
@@ -222,10 +209,6 @@ class _Making:
         self._groups = _groups(project, found.train.image_ids)
         self._labels = found.train.labels
         self.digest = self._digest()
-
-    @property
-    def images(self) -> tuple[LabelledImage, ...]:
-        return self.project.labelled(Split.TRAIN, Split.TEST)
 
     @property
     def counts(self) -> Counts:
@@ -259,21 +242,10 @@ class _Making:
         return find
 
     def rival(
-        self, featurizer: Featurizer, rows: Mapping[str, NDArray[np.float32]]
-    ) -> RivalRecord | None:
-        """Trained on the training images; None if one of them has no features."""
-        ids = self._train.image_ids
-        if not set(ids) <= set(rows):
-            return None
-        own = np.stack([rows[image_id] for image_id in ids])
-        rival = fit_rival(own, self._labels, self._groups)
-        sides = rival.decide(np.stack(list(rows.values()))).tolist()
-        return RivalRecord(
-            fingerprint=featurizer.fingerprint,
-            strength=rival.strength,
-            n_features=featurizer.n_features,
-            sides=dict(zip(rows, sides, strict=True)),
-        )
+        self, out: OutOfBag, features: Callable[[], Featurizer], stop: Callable[[], bool]
+    ) -> Iterator[RivalStep]:
+        bags = [resample.bag for resample in out.resamples]
+        return try_rival(self.project, self._train, self._groups, bags, features, stop)
 
     def assessment(
         self,

@@ -67,10 +67,12 @@ class Resample:
     """One bag and what it made.
 
     Attributes:
+        bag: positions of its images; one may stand there several times.
         out: images that the bag lacks, bool (n_images,).
         votes: the fitted vote of every kind.
     """
 
+    bag: NDArray[np.intp]
     out: NDArray[np.bool_]
     votes: Mapping[VoteKind, FittedVote]
 
@@ -172,7 +174,6 @@ class _Tally:
         self._labels = labels
         self._groups = groups
         self._groups_divided = groups_divided
-        self._bags: list[NDArray[np.intp]] = []
         self._resamples: list[Resample] = []
         self._margins: list[Floats] = []  # of each bag, (n_kinds, n_images), NaN inside the bag
 
@@ -183,8 +184,7 @@ class _Tally:
         out[bag] = False
         margins = np.stack([vote.margins(ballots) for vote in votes.values()])
         margins[:, ~out] = np.nan
-        self._bags.append(bag)
-        self._resamples.append(Resample(out, MappingProxyType(dict(votes))))
+        self._resamples.append(Resample(bag, out, MappingProxyType(dict(votes))))
         self._margins.append(margins)
 
     def result(self, n_done: int) -> OutOfBag:
@@ -215,8 +215,8 @@ class _Tally:
     ) -> NDArray[np.intp]:
         """The kind that each bag would recommend, by the scores of its own images alone."""
         chosen = []
-        for bag in self._bags[:n_done]:
-            inside = known_mean(of_kind[:, bag].T)
+        for resample in self._resamples[:n_done]:
+            inside = known_mean(of_kind[:, resample.bag].T)
             shares = dict(zip(kinds, inside.tolist(), strict=True))
             chosen.append(kinds.index(simplest_of_the_best(shares)))
         return np.array(chosen, dtype=np.intp)

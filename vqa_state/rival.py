@@ -1,28 +1,32 @@
 """The rival: what the user would have taken instead of questions, a small trained image classifier.
 
 Logistic regression on features of the embedded model's image network (`vqa_state.embedded.pooled`),
-trained on the copies of the same training images and judged on the same test images, in the same
-table. If it wins, the report says so.
+trained on the same training images and judged on the same test images, in the same table, and out
+of bag on the very resamples that the votes were estimated on. If it wins, the report says so.
 
-    odds(image) = mean over its copies of (w x + b),   x standardized by the training copies
+    odds(image) = w x + b,   x the mean features of its copies, standardized by the training images
 
 The positive state wins above 0, the negative one below; exactly 0 is unknown. The strength of the
-penalty is chosen by cross-validation among the training images; look-alikes, and all copies of one
-image, stay on one side.
+penalty is chosen by cross-validation among the training images, in every resample anew; look-alikes
+stay on one side. (Every copy as a row of its own recognizes no more and takes twenty times as long:
+docs/decisions/0013-the-rival.md.)
 
 Source: A. S. Razavian et al., "CNN features off-the-shelf: an astounding baseline for recognition",
 CVPR workshops 2014.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.errors import NothingToSearchError
+from vqa_state.voting.bags import divisible
+from vqa_state.voting.estimates import Estimate, estimate, known_mean
 from vqa_state.voting.logistic import fit_logistic
 
-__all__ = ["STRENGTHS", "Rival", "fit_rival"]
+__all__ = ["STRENGTHS", "Rival", "RivalBags", "fit_rival", "rival_out_of_bag"]
 
 STRENGTHS = (1 / 4096, 1 / 1024, 1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0)
 """Weaker ones than a vote's, too: a thousand features tell twenty images apart easily."""
@@ -33,7 +37,7 @@ class Rival:
     """A trained classifier of image features; arrays are (n_features,), float64.
 
     Attributes:
-        center: mean of the training copies.
+        center: mean of the training images' features.
         scale: their standard deviation, 1 where a feature never changes.
         coefficients: of the standardized features.
         intercept: in the same unit.
@@ -47,7 +51,7 @@ class Rival:
     strength: float
 
     def odds(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Logarithm of the odds for the positive state, mean over the copies, (n_images,).
+        """Logarithm of the odds for the positive state, (n_images,).
 
         Args:
             features: (n_images, n_copies, n_features).
@@ -59,9 +63,9 @@ class Rival:
             raise ValueError(
                 f"features must be (n_images, n_copies, {self.center.size}), got {features.shape}"
             )
-        standardized = (features.astype(np.float64) - self.center) / self.scale
-        odds: NDArray[np.float64] = (standardized @ self.coefficients).mean(axis=1)
-        return odds + self.intercept
+        standardized = (_of_images(features) - self.center) / self.scale
+        odds: NDArray[np.float64] = standardized @ self.coefficients + self.intercept
+        return odds
 
     def decide(self, features: NDArray[np.float32]) -> NDArray[np.int8]:
         """+1 positive, -1 negative, 0 unknown, (n_images,)."""
@@ -84,7 +88,7 @@ def fit_rival(
     """Train on the training images. The same arguments give the same rival.
 
     Args:
-        features: (n_images, n_copies, n_features), those of the copies that are asked about, too.
+        features: (n_images, n_copies, n_features), of the copies that are asked about.
         labels: +1 or -1, (n_images,).
         groups: number of each image's group of look-alikes, (n_images,); all different without it.
 
@@ -102,11 +106,63 @@ def fit_rival(
         raise NothingToSearchError(
             "the rival needs labelled training images of both states; label some of the other"
         )
-    n_images, n_copies, n_features = features.shape
-    rows = features.astype(np.float64).reshape(n_images * n_copies, n_features)
+    rows = _of_images(features)
     center, spread = rows.mean(axis=0), rows.std(axis=0)
     scale = np.where(spread > 0, spread, 1.0)
-    copies_of = np.repeat(np.arange(n_images), n_copies)
-    standardized = (rows - center) / scale
-    fit = fit_logistic(standardized, labels[copies_of], groups[copies_of], STRENGTHS)
+    fit = fit_logistic((rows - center) / scale, labels, groups, STRENGTHS)
     return Rival(center, scale, fit.coefficients, fit.intercept, fit.strength)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RivalBags:
+    """After one resample more.
+
+    Attributes:
+        n_done: resamples done, from 1.
+        n_total: resamples in all.
+        recognized: share of the resamples lacking the image whose rival recognizes it, (n_images,);
+            NaN for an image that was never out.
+        estimate: what share of new images the rival will recognize, as for the votes.
+    """
+
+    n_done: int
+    n_total: int
+    recognized: NDArray[np.float64]
+    estimate: Estimate
+
+
+def rival_out_of_bag(
+    features: NDArray[np.float32],
+    labels: NDArray[np.int8],
+    groups: NDArray[np.int64],
+    bags: Sequence[NDArray[np.intp]],
+) -> Iterator[RivalBags]:
+    """Train a rival on every bag and judge it on the images that the bag lacks.
+
+    Args:
+        features: (n_images, n_copies, n_features).
+        labels: +1 or -1, (n_images,).
+        groups: number of each image's group of look-alikes, (n_images,).
+        bags: positions of each bag's images, from `vqa_state.out_of_bag`, so that rival and votes
+            are judged on the same images.
+
+    Yields:
+        One report a bag. The caller stops by no longer iterating.
+
+    Source: as `vqa_state.out_of_bag`.
+    """
+    kept = divisible(labels, groups)
+    recognized = np.full((len(bags), len(labels)), np.nan)
+    for number, bag in enumerate(bags):
+        rival = fit_rival(features[bag], labels[bag], kept[bag])
+        out = np.ones(len(labels), dtype=bool)
+        out[bag] = False
+        recognized[number, out] = rival.recognized(features[out], labels[out])
+        shares = known_mean(recognized[: number + 1])
+        yield RivalBags(number + 1, len(bags), shares, estimate(shares, labels, kept))
+
+
+def _of_images(features: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Mean over the copies, (n_images, n_features)."""
+    means: NDArray[np.float64] = features.astype(np.float64).mean(axis=1)
+    return means

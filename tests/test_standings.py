@@ -1,0 +1,115 @@
+"""The table in words: what is known, what is not, and who wins."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from vqa_state.comparing import compare
+from vqa_state.evaluation import Interval
+from vqa_state.standing_rows import RIVAL, SideScore, Standing, Standings
+from vqa_state.standings_words import comparison_sentences, standings_frame, warning_sentences
+from vqa_state.voting.estimates import Estimate
+from vqa_state.voting.kinds import VoteKind
+
+NAN = math.nan
+
+
+def row(name, estimate=None, test=None, *, recommended=False):
+    train = SideScore((20, 20), (12, 12), (8, 8), Interval(0.8, 1.0))
+    kind = None if name == RIVAL else VoteKind.PAPER
+    return Standing(name, kind, 3, 18, 9.0, 7.4, train, estimate, test, recommended)
+
+
+def estimate(share, positive=0.9, negative=0.5, half=0.1):
+    return Estimate(share, positive, negative, 0.05, share - half, share + half)
+
+
+def frame(*rows):
+    return standings_frame(Standings(rows, (), (), "", (), ())).to_dict("records")
+
+
+def test_out_of_bag_is_told_of_each_state():
+    (known,) = frame(row("s+", estimate(0.75)))
+    assert known["out of bag"] == "15.0 of 20 (13.0–17.0)"
+    assert known["out of bag, positive"] == "10.8 of 12"
+    assert known["out of bag, negative"] == "4.0 of 8"
+
+
+@pytest.mark.parametrize("unknown", [None, Estimate(*[NAN] * 6)])
+def test_what_is_not_known_is_a_dash(unknown):
+    (cells,) = frame(row("s-", unknown))
+    for name in ("out of bag", "out of bag, positive", "out of bag, negative", "test"):
+        assert cells[name] == "–"
+
+
+def test_a_state_that_was_never_out_is_a_dash_alone():
+    (cells,) = frame(row("s+", estimate(0.5, positive=NAN)))
+    assert (cells["out of bag, positive"], cells["out of bag, negative"]) == ("–", "4.0 of 8")
+
+
+def warnings(vote, rival, *, has_test=False, rows=None):
+    assessed = SimpleNamespace(
+        rival=rival and SimpleNamespace(estimate=rival),
+        no_rival="no network",
+        estimates={VoteKind.PAPER: vote},
+        recommendation=SimpleNamespace(kind=VoteKind.PAPER),
+        groups_divided=False,
+        finished=True,
+        n_resamples=30,
+    )
+    rows = rows or [row("s+", vote, recommended=True), row(RIVAL, rival)]
+    return [
+        one for one in warning_sentences(rows, assessed, has_test=has_test) if "promise" not in one
+    ]
+
+
+def test_a_rival_that_wins_out_of_bag_is_said_to_win():
+    (said,) = warnings(estimate(0.70), estimate(0.80))
+    assert said.startswith(f"Out of bag, the {RIVAL} wins: it recognizes 16.0 of 20")
+    assert "the recommended vote 14.0" in said
+    assert "may be luck" in said
+    assert "does not export" in said
+    (said,) = warnings(estimate(0.60), estimate(0.95, half=0.05))
+    assert "wins" in said
+    assert "luck" not in said
+
+
+def test_a_rival_that_comes_as_far_is_said_to():
+    for share in (0.79, 0.80, 0.81):
+        (said,) = warnings(estimate(0.80), estimate(share))
+        assert "does as well without questions" in said
+
+
+def test_a_rival_that_loses_or_is_unknown_needs_no_word():
+    assert warnings(estimate(0.80), estimate(0.75)) == []
+    assert warnings(estimate(0.80), Estimate(*[NAN] * 6)) == []
+    assert warnings(estimate(0.80), None) == ["There is no trained rival: no network."]
+
+
+def test_without_test_images_the_rival_lacks_none():
+    vote, rival = estimate(0.9), estimate(0.7)
+    assert warnings(vote, rival) == []
+    (said,) = warnings(vote, rival, has_test=True)
+    assert "has not seen all test images" in said
+    seen = SideScore((15, 20), (8, 10), (7, 10), Interval(0.5, 0.9))
+    rows = [row("s+", vote, seen, recommended=True), row(RIVAL, rival, seen)]
+    assert warnings(vote, rival, has_test=True, rows=rows) == []
+
+
+@pytest.mark.parametrize(("n_lost", "luck"), [(2, True), (12, False)])
+def test_a_rival_that_wins_on_the_test_is_said_to_win(n_lost, luck):
+    ours = np.arange(20) >= n_lost
+    comparisons = compare({"s+": ours, RIVAL: np.ones(20, bool)}, [("s+", RIVAL)])
+    first, second = comparison_sentences(comparisons, has_test=True)
+    assert f"{n_lost} fewer images than {RIVAL}" in first
+    assert second.startswith(f"So the {RIVAL} wins on the test images")
+    assert ("may be luck" in second) is luck
+    swapped = compare({"s+": np.ones(20, bool), RIVAL: ours}, [("s+", RIVAL)])
+    assert len(comparison_sentences(swapped, has_test=True)) == 1
+
+
+def test_without_test_images_it_says_so():
+    (said,) = comparison_sentences((), has_test=False)
+    assert said.startswith("There are no test images")

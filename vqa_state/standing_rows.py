@@ -1,0 +1,78 @@
+"""Rows of the one table: what each recognizer costs, and how good it is on which images."""
+
+from dataclasses import dataclass
+
+from vqa_state.comparing import Comparison
+from vqa_state.evaluation import Interval
+from vqa_state.voting.estimates import Estimate
+from vqa_state.voting.kinds import VoteKind
+
+__all__ = ["RIVAL", "SideScore", "Standing", "Standings"]
+
+RIVAL = "trained image classifier"
+
+
+@dataclass(frozen=True, slots=True)
+class SideScore:
+    """Recognized images of one side; every pair is (recognized, images).
+
+    Attributes:
+        whole: of all images; `positive` and `negative` of those of each state.
+        interval: exact 95 % interval of the recognized share.
+    """
+
+    whole: tuple[int, int]
+    positive: tuple[int, int]
+    negative: tuple[int, int]
+    interval: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """One row.
+
+    Attributes:
+        name: what it is.
+        kind: how it counts; None for the rival.
+        n_questions: it asks; 0 for the rival.
+        n_calls: calls a decision; 0 for the rival, which calls no VQA model.
+        early_calls: mean calls a training image if asking stops early; None for the rival.
+        milliseconds: about what a decision takes; None if no pace was measured.
+        train: on training images, which chose it: no interval can be honest there.
+        estimate: out of bag, for the kinds of vote of the assessed subset and for the rival; else
+            None.
+        test: on test images; None without them, or where the rival has not seen all of them.
+        recommended: whether it is the recommended kind of vote.
+    """
+
+    name: str
+    kind: VoteKind | None
+    n_questions: int
+    n_calls: int
+    early_calls: float | None
+    milliseconds: float | None
+    train: SideScore
+    estimate: Estimate | None
+    test: SideScore | None
+    recommended: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Standings:
+    """The whole table, and what it proves and does not prove.
+
+    Attributes:
+        rows: kinds of vote of the chosen objective first, then subsets, baselines, the rival.
+        comparisons: on the same test images, corrected for how many they are; empty without any.
+        sentences: the comparisons in words, or what is missing.
+        recommendation: why one kind is recommended; "" without an assessment.
+        warnings: where numbers promise more than they keep.
+        badges: what is proved about each objective's subset, and what the paper's search found.
+    """
+
+    rows: tuple[Standing, ...]
+    comparisons: tuple[Comparison, ...]
+    sentences: tuple[str, ...]
+    recommendation: str
+    warnings: tuple[str, ...]
+    badges: tuple[str, ...]

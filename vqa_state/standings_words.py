@@ -1,0 +1,176 @@
+"""The one table in words: its cells, what is proved, where numbers promise more than they keep.
+
+What the tables of the app show before a look at the test images must not tell of them: warnings and
+badges are made of training images alone, only sentences tell of the test.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+
+from vqa_state.assessing import Assessment
+from vqa_state.comparing import Comparison
+from vqa_state.scores import Objective
+from vqa_state.search.proof import Badge
+from vqa_state.standing_rows import RIVAL, Standing, Standings
+from vqa_state.tuning import Results, SavedSearch
+from vqa_state.voting.choosing import NEAR
+from vqa_state.voting.estimates import Estimate, optimism_warning
+
+__all__ = [
+    "badge_sentences",
+    "comparison_sentences",
+    "recommendation_sentence",
+    "standings_frame",
+    "warning_sentences",
+]
+
+_INSTEAD = (
+    "If that holds on more images, a trained classifier serves you better than questions do; "
+    "this program does not export one."
+)
+
+
+def badge_sentences(found: Results) -> list[str]:
+    """For each objective, what is proved, and what the paper's one search found."""
+    return [_badge(objective, saved) for objective, saved in found.searches.items()]
+
+
+def standings_frame(table: Standings) -> pd.DataFrame:
+    """The table as a person reads it."""
+    return pd.DataFrame([_words(row) for row in table.rows])
+
+
+def recommendation_sentence(assessed: Assessment | None) -> str:
+    """Which kind of vote to take, and why; "" without an assessment."""
+    if assessed is None:
+        return ""
+    one = assessed.recommendation
+    return f"Recommended: the vote by {one.kind.value!r}, because {one.reason}."
+
+
+def comparison_sentences(comparisons: Sequence[Comparison], *, has_test: bool) -> list[str]:
+    """The comparisons on the test images, and plainly whether the rival wins there."""
+    if not has_test:
+        return ["There are no test images, so only out of bag says how good it is on new ones."]
+    sentences = [one.sentence() for one in comparisons]
+    for one in comparisons:
+        if one.second == RIVAL and one.test.difference < 0:
+            luck = "" if one.significant else ", though that may be luck"
+            sentences.append(f"So the {RIVAL} wins on the test images{luck}. {_INSTEAD}")
+    return sentences
+
+
+def warning_sentences(
+    rows: Sequence[Standing], assessed: Assessment | None, *, has_test: bool
+) -> Iterator[str]:
+    """Where numbers promise more than they keep, by the training images alone.
+
+    Args:
+        rows: of the table.
+        assessed: of the chosen objective, or None.
+        has_test: whether there are test images; without any, the rival lacks none.
+    """
+    if assessed is None:
+        yield "Not assessed yet: nothing but the test images says how good this is on new images."
+        return
+    recommended = next((row for row in rows if row.recommended), None)
+    if recommended is not None and recommended.estimate is not None:
+        n_recognized, n_images = recommended.train.whole
+        said = optimism_warning(n_recognized / n_images, recommended.estimate, n_images)
+        yield from [said] if said is not None else []
+    yield from _of_the_rival(rows, assessed, has_test=has_test)
+    if assessed.groups_divided:
+        yield "All images of one state look alike, so the out-of-bag estimates flatter."
+    if not assessed.finished:
+        yield f"The assessment was stopped after {assessed.n_resamples} resamples."
+
+
+def _of_the_rival(
+    rows: Sequence[Standing], assessed: Assessment, *, has_test: bool
+) -> Iterator[str]:
+    if assessed.rival is None:
+        yield f"There is no trained rival: {assessed.no_rival}."
+        return
+    row = next((row for row in rows if row.name == RIVAL), None)
+    if row is None:
+        yield "The rival has not seen all training images; assess again."
+        return
+    said = _rival_out_of_bag(
+        assessed.estimates[assessed.recommendation.kind],
+        assessed.rival.estimate,
+        row.train.whole[1],
+    )
+    yield from [said] if said else []
+    if has_test and row.test is None:
+        yield "The rival has not seen all test images; assess again to judge it on them."
+
+
+def _rival_out_of_bag(vote: Estimate, rival: Estimate, n_images: int) -> str:
+    """Whether the rival wins out of bag, or comes as far; "" if the vote does, or is unknown."""
+    ahead = rival.share - vote.share
+    if math.isnan(ahead) or ahead < -NEAR:
+        return ""
+    figures = (
+        f"it recognizes {rival.share * n_images:.1f} of {n_images} training images, the "
+        f"recommended vote {vote.share * n_images:.1f}"
+    )
+    if ahead <= NEAR:
+        return f"Out of bag, the {RIVAL} does as well without questions: {figures}."
+    apart = rival.low > vote.high
+    surely = "" if apart else "; the 95 % intervals overlap, so that may be luck"
+    return f"Out of bag, the {RIVAL} wins: {figures}{surely}. {_INSTEAD}"
+
+
+def _badge(objective: Objective, saved: SavedSearch) -> str:
+    if saved.proof is None:
+        found = f"{saved.engine.value} search, nothing proved"
+    else:
+        gap = math.ceil(max(0.0, saved.proof.bound - saved.proof.value) * 100) / 100
+        found = f"{saved.proof.badge.value} (E = {saved.proof.value:.3f}"
+        found += "" if saved.proof.badge is Badge.BEST else f", at most {gap:.2f} below the bound"
+        found += f"; no subset recognizes more than {saved.proof.n_bound} training images)"
+    if saved.paper is not None:
+        found += f"; the paper's one search found E = {saved.paper.value:.3f}"
+    return f"{objective.value}: {found}."
+
+
+def _words(row: Standing) -> dict[str, object]:
+    n_images, test = row.train.whole[1], row.test
+    return {
+        "recognizer": f"{row.name} ★" if row.recommended else row.name,
+        "questions": row.n_questions or "–",
+        "calls": row.n_calls or "–",
+        "calls, stopping early": "–" if row.early_calls is None else f"{row.early_calls:.0f}",
+        "ms": "–" if row.milliseconds is None else f"{row.milliseconds:.0f}",
+        "train": _share(row.train.whole),
+        **_estimated(row, n_images),
+        "test": "–"
+        if test is None
+        else f"{_share(test.whole)} ({test.interval.low * test.whole[1]:.1f}–"
+        f"{test.interval.high * test.whole[1]:.1f})",
+        "test, positive": "–" if test is None else _share(test.positive),
+        "test, negative": "–" if test is None else _share(test.negative),
+    }
+
+
+def _estimated(row: Standing, n_images: int) -> dict[str, object]:
+    """Out of bag, of all training images and of those of each state; not known is not 0."""
+    one = row.estimate
+    if one is None or math.isnan(one.share):
+        return dict.fromkeys(("out of bag", "out of bag, positive", "out of bag, negative"), "–")
+    low, high = one.low * n_images, one.high * n_images
+    return {
+        "out of bag": f"{_part(one.share, n_images)} ({low:.1f}–{high:.1f})",
+        "out of bag, positive": _part(one.positive, row.train.positive[1]),
+        "out of bag, negative": _part(one.negative, row.train.negative[1]),
+    }
+
+
+def _share(pair: tuple[int, int]) -> str:
+    return f"{pair[0]} of {pair[1]}"
+
+
+def _part(share: float, n_images: int) -> str:
+    return "–" if math.isnan(share) else f"{share * n_images:.1f} of {n_images}"
