@@ -14,6 +14,7 @@ from vqa_state.assessing import assess as assess_project
 from vqa_state.errors import NothingToSearchError, ProjectError, VQAStateError
 from vqa_state.exporting import recognizer_with
 from vqa_state.jobs import JobState, Snapshot
+from vqa_state.scores import Objective
 from vqa_state.search.default import Engine
 from vqa_state.splits import Split
 from vqa_state.voting.kinds import VoteKind
@@ -98,7 +99,12 @@ def test_a_frontier_point_is_what_it_says(desk: Desk, assessed: str) -> None:
     assert found is not None
     assert kept is not None
     known = {question.text for question in found.train.questions}
-    for shown, point in zip(frontier["points"], kept.frontier, strict=True):
+    marked = [one for one in frontier["points"] if one.get("marked")]
+    assert {name for one in marked for name in one["says"].split(":")[0].split(", ")} == {
+        *Objective, "s_all", "best question"
+    }  # fmt: skip
+    line = [one for one in frontier["points"] if not one.get("marked")]
+    for shown, point in zip(line, kept.frontier, strict=True):
         assert set(shown["lines"]) <= known
         assert len(shown["lines"]) * found.train.n_copies == shown["x"] == point.n_calls
 
@@ -140,7 +146,7 @@ def test_without_results_there_is_nothing_to_assess(desk: Desk, pid: str) -> Non
     said, _, _, advice, use, table, frontier, *_ = assess.view(desk, pid, snapshot)
     assert said["tone"] == "bad"
     assert advice["text"] == ""
-    assert frontier == {}
+    assert "Optimize first" in frontier["empty"]
     assert not use.visible
     assert not table.visible
     for handler in (assess.use, assess.tested):
@@ -153,7 +159,7 @@ def test_before_assessing_the_table_says_so(desk: Desk, optimized: str) -> None:
     assert "Not assessed yet" in advice["text"]
     assert table.visible
     assert not use.visible
-    assert frontier == {}
+    assert "Assess first" in frontier["empty"]
 
 
 def test_changed_labels_make_it_stale(desk: Desk, assessed: str) -> None:

@@ -57,13 +57,15 @@ def test_assess_choose_and_take_along(
 
 
 def walk_the_frontier(page: Page) -> None:
-    points = page.locator("#frontier circle")
+    points = page.locator("#frontier circle:not(.tr-marked)")
+    expect(page.locator("#frontier circle.tr-marked").first).to_be_visible()
     expect(points.first).to_be_visible()
     points.first.click()
     expect(page.locator("#frontier .tr-says")).to_contain_text("at best")
     expect(page.locator("#frontier li")).to_have_count(1)
-    if points.count() > 1:
-        page.keyboard.press("ArrowRight")
-        expect(points.nth(1)).to_be_focused()
-        page.keyboard.press("Enter")
-        expect(points.nth(1)).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("ArrowLeft")  # to the ring around it
+    focused = page.locator("#frontier circle:focus")
+    expect(focused).to_have_class("tr-marked")
+    page.keyboard.press("Enter")
+    expect(focused).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("#frontier .tr-says")).to_contain_text("s-: 1 question")

@@ -5,37 +5,42 @@ from typing import Any
 
 from vqa_state.coverage import CoveragePoint
 from vqa_state.frontier import FrontierPoint
+from vqa_state.frontier_marks import MarkedPoint
 
 __all__ = ["coverage_value", "frontier_value"]
 
 Value = dict[str, Any]
 
 
-def frontier_value(points: Sequence[FrontierPoint], texts: Sequence[str]) -> Value:
+def frontier_value(
+    points: Sequence[FrontierPoint], marks: Sequence[MarkedPoint], texts: Sequence[str]
+) -> Value:
     """Recognized training images against calls; a point unfolds its questions.
 
     Args:
         points: from an assessment, cheapest first.
+        marks: subsets that have a name, to be seen beside them.
         texts: of all questions, by their position.
     """
     if not points:
-        return {}
+        return {"empty": "Assess first, to the end."}
+    dearest = max(points[-1].n_calls, *(one.point.n_calls for one in marks))
+    found = [_frontier_point(point, f"at best {point.says}", texts) for point in points]
+    named = [_frontier_point(one.point, one.says, texts) | {"marked": True} for one in marks]
     return {
         "x": "calls a decision",
         "y": "recognized training images",
-        "x_range": [0, points[-1].n_calls],
+        "x_range": [0, dearest],
         "y_range": [0, points[0].n_images],
-        "points": [_frontier_point(point, texts) for point in points],
+        "points": sorted(named + found, key=lambda point: point["x"]),
     }
 
 
-def _frontier_point(point: FrontierPoint, texts: Sequence[str]) -> Value:
-    plural = "" if point.n_questions == 1 else "s"
+def _frontier_point(point: FrontierPoint, says: str, texts: Sequence[str]) -> Value:
     return {
         "x": point.n_calls,
         "y": point.n_recognized,
-        "says": f"{point.n_questions} question{plural}, {point.n_calls} calls: at best "
-        f"{point.n_recognized} of {point.n_images} training images recognized",
+        "says": says,
         "lines": [texts[position] for position in point.subset],
     }
 
@@ -44,7 +49,7 @@ def coverage_value(curve: Sequence[CoveragePoint]) -> Value:
     """Accuracy of the verdicts against the share of images that get one, in percent."""
     points = [_coverage_point(point) for point in curve if point.n_covered]
     if not points:
-        return {}
+        return {"empty": "Assess first; it needs training images that were out of bag."}
     return {
         "x": "images with a verdict, %",
         "y": "right verdicts, %",

@@ -89,6 +89,11 @@ function build() {
   cursor = anchor = Math.max(0, Math.min(at, items.length - 1));
   items.forEach((_, k) => paint(k));
   $('.lg').hidden = !project;
+  const first = items.findIndex(suggestion);
+  if (first >= 0 && !chosen.size) {  // what is to be accepted must be seen
+    cursor = anchor = first;
+    grid.scrollTop = cells[first].offsetTop - grid.offsetTop;
+  }
   count();
 }
 

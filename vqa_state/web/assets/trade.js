@@ -1,6 +1,7 @@
 // What accuracy costs: points to choose by click, or by arrow keys and Enter.
 // Value: {x, y: titles, x_range, y_range: [low, high], points: [{x, y, low, high: interval or
-// missing, says, lines: [text]}]}, points by rising x; event `pick` carries {at}.
+// missing, marked: not on the line, says, lines: [text]}]}, points by rising x; or {empty: what to
+// do first}; event `pick` carries {at}.
 
 const SVG = 'http://www.w3.org/2000/svg';
 const WIDTH = 480, HEIGHT = 240, LEFT = 40, RIGHT = 14, TOP = 26, BOTTOM = 38;
@@ -34,8 +35,8 @@ function axes({x, y, x_range, y_range}) {
   ];
 }
 
-function dot({says}, at, cx, cy) {
-  const node = svg('circle', {cx, cy, r: 6, role: 'button', tabindex: at ? -1 : 0,
+function dot({says, marked}, at, cx, cy) {
+  const node = svg('circle', {cx, cy, r: marked ? 9 : 6, class: marked ? 'tr-marked' : '', role: 'button', tabindex: at ? -1 : 0,
     'aria-label': says, 'aria-pressed': false});
   node.addEventListener('click', () => pick(at));
   return node;
@@ -60,7 +61,8 @@ function show(at) {
 
 function build() {
   const value = props.value || {}, points = value.points || [];
-  $('.tr').hidden = !points.length;
+  $('.tr').hidden = !points.length && !value.empty;
+  $('.tr-says').textContent = value.empty || '';
   chart.replaceChildren();
   $('ul').replaceChildren();
   if (!points.length) return;
@@ -69,10 +71,11 @@ function build() {
   chart.setAttribute('aria-label', `${value.y} against ${value.x}`);
   const intervals = points.filter((one) => one.low !== undefined).map((one) =>
     svg('line', {class: 'tr-interval', x1: x(one.x), x2: x(one.x), y1: y(one.low), y2: y(one.high)}));
-  const line = points.map((one) => `${x(one.x).toFixed(1)},${y(one.y).toFixed(1)}`).join(' ');
+  const line = points.filter((one) => !one.marked).map((one) => `${x(one.x).toFixed(1)},${y(one.y).toFixed(1)}`).join(' ');
   chart.append(...axes(value), ...intervals, svg('polyline', {points: line}),
     ...points.map((one, at) => dot(one, at, x(one.x), y(one.y))));
-  $('.tr-says').textContent = 'Choose a point: click it, or use the arrow keys and Enter.';
+  const rings = points.some((one) => one.marked) ? ' Rings are the sets in the table.' : '';
+  $('.tr-says').textContent = `Choose a point: click it, or use the arrow keys and Enter.${rings}`;
 }
 
 chart.addEventListener('keydown', (event) => {

@@ -10,6 +10,7 @@ import gradio as gr
 
 from vqa_state.assessing import Assessment, AssessProgress, Stage, assess, assessment
 from vqa_state.errors import NothingToSearchError, ProjectError
+from vqa_state.frontier_marks import marked_points
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
@@ -155,7 +156,8 @@ def board(desk: Desk, pid: str) -> tuple[Any, ...]:
         found, assessed = None, None
     if found is None:
         hidden = gr.Button(visible=False), gr.Dataframe(visible=False)
-        return note(""), *hidden, {}, {}, {}, {}, note("")
+        first = {"empty": "Optimize first, then assess."}
+        return note(""), *hidden, first, first, {}, {}, note("")
     table = _standings(project, found, assessed)
     return (
         _advice(table, assessed),
@@ -215,11 +217,13 @@ def _frame(table: Standings, *, tested: bool) -> Any:
 
 
 def _charts(found: Results, assessed: Assessment | None) -> tuple[Any, Any]:
-    if assessed is None:
-        return {}, {}
     texts = [question.text for question in found.train.questions]
-    curve = assessed.curves.get(assessed.recommendation.kind, ())
-    return trades.frontier_value(assessed.frontier, texts), trades.coverage_value(curve)
+    points = () if assessed is None else assessed.frontier
+    curve = () if assessed is None else assessed.curves.get(assessed.recommendation.kind, ())
+    return (
+        trades.frontier_value(points, marked_points(found), texts),
+        trades.coverage_value(curve),
+    )
 
 
 def _cards(

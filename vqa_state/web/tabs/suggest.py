@@ -48,6 +48,10 @@ class Suggesting:
 
 def build() -> Parts:
     """Draw it."""
+    gr.Markdown(
+        "Is a recognizer optimized? Then it can suggest labels for the other images, and you only "
+        "look and accept."
+    )
     with gr.Row():
         start = gr.Button("Suggest labels", elem_id="suggest-start", scale=0, min_width=170)
         stop = gr.Button("Stop", interactive=False, elem_id="suggest-stop", scale=0)
