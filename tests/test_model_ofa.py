@@ -298,7 +298,7 @@ def test_an_image_is_seen_once_and_replies_come_after_each_batch(folder, monkeyp
     replies = ofa.answer([Image.new("RGB", (9, 9))], [f"is it {n}?" for n in range(8)])
     next(replies)
     assert asked == [3]
-    assert not ofa._lock.locked()
+    assert not ofa._turns.lock.locked()
     assert len(list(replies)) == 7
     assert (seen, asked) == ([1], [3, 3, 2])
 

@@ -29,6 +29,7 @@ class Echo:
 
     n_rows = 4
     max_tokens = 9
+    steps = ()
 
     def __init__(self):
         self.passes = []

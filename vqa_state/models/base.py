@@ -75,5 +75,8 @@ class Interruptible(Protocol):
     def answer_until(
         self, images: Sequence[Image], questions: Sequence[str], stop: Callable[[], bool]
     ) -> Iterator[Reply]:
-        """As `VQAModel.answer`; once `stop` says so it ends within a second."""
+        """As `VQAModel.answer`; once `stop` says so it ends within a second.
+
+        A model on this machine ends after the forward pass in flight, whatever that takes.
+        """
         ...

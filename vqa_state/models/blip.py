@@ -70,6 +70,7 @@ class _Blip:
         text = parts.model.config.text_config
         self.n_rows = 8 if runtime.device is Device.CPU else 32
         self.max_tokens: int = text.max_position_embeddings
+        self.steps = [parts.model.text_decoder]
         self._parts = parts
         self._runtime = runtime
         self._template = template

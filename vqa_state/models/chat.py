@@ -4,7 +4,8 @@ Everything before the question is read once an image; see `chat_prefix` for how 
 for the ids. A model that this does not suit is asked one question at a time, and says so.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from importlib.metadata import version
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from vqa_state.models.chat_prefix import N_TOKENS, Said
 from vqa_state.models.chat_prompt import ChatPrompt
 from vqa_state.models.prompts import prompt_for
 from vqa_state.models.runtime import Runtime, folder_digest
+from vqa_state.models.turns import till_stopped
 from vqa_state.models.yes_no import yes_no_tokens
 
 __all__ = ["ChatModel"]
@@ -81,6 +83,14 @@ class ChatModel:
         for image, question, said in self.generations(images, questions):
             outcome = said if isinstance(said, Failure) else self._read(said)
             yield Reply(image, question, outcome)
+
+    def answer_until(
+        self, images: Sequence[Image], questions: Sequence[str], stop: Callable[[], bool]
+    ) -> Iterator[Reply]:
+        """As `answer`; `stop` is asked before every forward pass."""
+        own = copy(self)
+        own._asker = self._asker.until(stop)
+        return till_stopped(own.answer(images, questions))
 
     def generations(self, images: Sequence[Image], questions: Sequence[str]) -> Iterator[Outcome]:
         """The tokens and first-step logits behind `answer`, to compare ways and models by.

@@ -1,9 +1,9 @@
 """All questions about all images: what goes together, what goes the slow way, what fails alone."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
-from threading import RLock
 from typing import Any
 
 from PIL.Image import Image
@@ -23,6 +23,7 @@ from vqa_state.models.chat_prefix import (
 )
 from vqa_state.models.chat_prompt import ChatPrompt, SeenImage
 from vqa_state.models.runtime import Runtime
+from vqa_state.models.turns import Turns
 
 __all__ = ["ChatAsker", "Outcome"]
 
@@ -64,9 +65,15 @@ class ChatAsker:
         self._cuts = check.cuts
         self._n_behind = check.n_behind
         self._batch = BatchSize(runtime) if check.joins else BatchSize(runtime, largest=1)
-        self._lock = RLock()
+        self._turns = Turns([model])
         text = model.config.get_text_config()
         self._limit: int | None = getattr(text, "max_position_embeddings", None)
+
+    def until(self, stop: Callable[[], bool]) -> "ChatAsker":
+        """The same for a caller who may give up: then `said` raises `Stopped`."""
+        own = copy(self)
+        own._turns = self._turns.until(stop)
+        return own
 
     def said(self, images: Sequence[Image], questions: Sequence[str]) -> Iterator[Outcome]:
         """Every pair once."""
@@ -103,7 +110,7 @@ class ChatAsker:
                 inputs = self._prompt.plain(image, question)
             if failure := self._refused(inputs["input_ids"][0].tolist(), seen):
                 return failure
-            with self._lock:
+            with self._turns.take():
                 return generate_plain(self._model, on_device(self._model, inputs))
         except _REFUSALS as error:
             return _failure(error)
@@ -133,7 +140,7 @@ class ChatAsker:
         inputs = [
             self._prompt.inputs(one, one.inputs["input_ids"][0, :length].tolist()) for one in group
         ]
-        with self._lock:
+        with self._turns.take():
             joined = on_device(self._model, join_inputs(inputs))
             return read_prefix(self._model, joined, self._prompt.image_token)
 
@@ -165,7 +172,7 @@ class ChatAsker:
 
     def _alone(self, seen: SeenImage, ids: Sequence[int]) -> Said | Failure:
         try:
-            with self._lock:
+            with self._turns.take():
                 inputs = on_device(self._model, self._prompt.inputs(seen, ids))
                 return generate_plain(self._model, inputs)
         except _REFUSALS as error:
@@ -176,7 +183,7 @@ class ChatAsker:
 
         problem: Exception | None = None
         try:
-            with self._lock:
+            with self._turns.take():
                 places, ids = [row.place for row in rows], [row.ids for row in rows]
                 said = generate_suffixes(self._model, prefix, places, ids)
         except _REFUSALS as error:

@@ -6,9 +6,9 @@ by repeating a row. A matrix product of other shape rounds differently; with a f
 answer has the same digits whatever is asked beside it.
 """
 
-import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -21,9 +21,11 @@ from vqa_state.models.base import Failure, Reply
 from vqa_state.models.batching import BatchSize
 from vqa_state.models.runtime import Runtime, folder_digest
 from vqa_state.models.torch_loading import first_line
+from vqa_state.models.turns import Turns, till_stopped
 
 if TYPE_CHECKING:
     from torch import Tensor
+    from torch.nn import Module
 
 __all__ = ["Network", "Outcome", "Said", "TorchImageModel", "fingerprint_of"]
 
@@ -56,6 +58,11 @@ class Network(Protocol):
     max_tokens: int
     """Of a question."""
 
+    @property
+    def steps(self) -> Sequence["Module"]:
+        """Modules that `say` calls again and again: a stop may come before each call."""
+        ...
+
     def see(self, images: Sequence[Image]) -> Sequence[Any]:
         """What all questions about an image need of it, for each image (RGB)."""
         ...
@@ -84,13 +91,21 @@ class TorchImageModel:
         self._network = network
         self._runtime = runtime
         self._batch = BatchSize(runtime)
-        self._lock = threading.Lock()  # held for one pass through the network, never for a reply
+        self._turns = Turns(network.steps)  # taken for one block, never held for a reply
 
     def answer(self, images: Sequence[Image], questions: Sequence[str]) -> Iterator[Reply]:
         """Ask every question about every image; what the model cannot take fails alone."""
         for image, question, said in self.generations(images, questions):
             outcome = said if isinstance(said, Failure) else self._answer(said)
             yield Reply(image, question, outcome)
+
+    def answer_until(
+        self, images: Sequence[Image], questions: Sequence[str], stop: Callable[[], bool]
+    ) -> Iterator[Reply]:
+        """As `answer`; `stop` is asked before every forward pass."""
+        own = copy(self)
+        own._turns = self._turns.until(stop)
+        return till_stopped(own.answer(images, questions))
 
     def _answer(self, said: Said) -> Answer | Failure:
         if said.logits.isfinite().all():
@@ -146,7 +161,7 @@ class TorchImageModel:
             start += len(batch)
 
     def _seen(self, batch: Sequence[Image]) -> Sequence[Any]:
-        with self._lock:
+        with self._turns.take():
             began = time.perf_counter()
             seen = self._network.see(batch)
             _wait_for(self._runtime.device)
@@ -172,7 +187,7 @@ class TorchImageModel:
             rows = [tokens[question] for question in block]
             rows += [rows[-1]] * (self._network.n_rows - len(rows))
             try:
-                with self._lock:
+                with self._turns.take():
                     said = self._network.say(seen, torch.tensor(rows))
             except RuntimeError as error:
                 failure = _failure(error)

@@ -16,6 +16,7 @@ from vqa_state.models.yes_no import YesNoTokens
 
 if TYPE_CHECKING:
     from torch import Tensor
+    from torch.nn import Module
 
 __all__ = ["ViltModel"]
 
@@ -69,6 +70,7 @@ class _Vilt:
         # A processor gains nothing from more rows, and each costs as much as a question.
         self.n_rows = 1 if runtime.device is Device.CPU else 32
         self.max_tokens: int = parts.model.config.max_position_embeddings
+        self.steps: Sequence[Module] = ()  # it says all in one pass
         self._parts = parts
         self._runtime = runtime
         self._template = template

@@ -1,7 +1,7 @@
 """OFA as a VQA model: one look at an image, then its questions, those of one length together."""
 
-import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from vqa_state.models.ofa.loading import content_digest, load_network
 from vqa_state.models.ofa.preprocessing import clean_question, to_pixels
 from vqa_state.models.ofa.tokenizer import BOS, EOS, OfaTokenizer
 from vqa_state.models.runtime import Runtime
+from vqa_state.models.turns import Turns, till_stopped
 from vqa_state.models.yes_no import YesNoTokens
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class OfaModel:
         self._network.encoder.embed_images.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._runtime = runtime
         self._fingerprint = self._describe(content_digest(folder))
-        self._lock = threading.Lock()
+        self._turns = Turns([self._network.encoder, self._network.decoder])
 
     @property
     def fingerprint(self) -> str:
@@ -114,6 +115,14 @@ class OfaModel:
                     if not isinstance(tokens, Failure) and tokens in found:
                         yield Reply(image_number, number, found[tokens])
 
+    def answer_until(
+        self, images: Sequence[Image], questions: Sequence[str], stop: Callable[[], bool]
+    ) -> Iterator[Reply]:
+        """As `answer`; `stop` is asked before every forward pass."""
+        own = copy(self)
+        own._turns = self._turns.until(stop)
+        return till_stopped(own.answer(images, questions))
+
     def _read(self, question: str) -> tuple[int, ...] | Failure:
         """Tokens with their marks, or why there are none."""
         text = clean_question(self._prompt.replace("{question}", question))
@@ -129,7 +138,7 @@ class OfaModel:
         import torch
 
         pixels = to_pixels(image, self._style)
-        with self._lock, torch.inference_mode():
+        with self._turns.take(), torch.inference_mode():
             weight = self._network.encoder.image_proj.weight
             pixels = pixels.to(weight.device, weight.dtype, memory_format=torch.channels_last)
             return self._network.encoder.see(pixels)
@@ -141,7 +150,7 @@ class OfaModel:
         from vqa_state.models.ofa.decoding import beam_search, best_answer, start
 
         decoder = self._network.decoder
-        with self._lock, torch.inference_mode():
+        with self._turns.take(), torch.inference_mode():
             tokens = torch.tensor(questions, device=seen.device)
             prompts = {
                 DecoderPrompt.NONE: tokens[:, :1],
