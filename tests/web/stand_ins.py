@@ -8,6 +8,8 @@ import numpy as np
 from PIL import Image
 
 from vqa_state.answers import Answer
+from vqa_state.jobs import Snapshot
+from vqa_state.web.desk import Desk
 
 
 def picture(number: int, *, dark: bool) -> bytes:
@@ -40,3 +42,10 @@ class Gate:
     def pass_through(self) -> None:
         self.reached.set()
         assert self.opened.wait(60), "nobody opened the gate"
+
+
+def finished(desk: Desk, pid: str, kind: str) -> Snapshot:
+    """How the project's last job of this kind ended."""
+    job = desk.jobs.get(pid, kind)
+    assert job is not None
+    return job.join(120)

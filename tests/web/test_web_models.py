@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from stand_ins import finished
 
 from vqa_state import models
 from vqa_state.answers import Answer
@@ -17,12 +18,6 @@ from vqa_state.web.tabs import ask, model, recheck
 
 SERVER = "server:http://127.0.0.1:9/v1#some"
 STRANGE: list[Any] = [None, [], {}, True, 7, "nothing", "hub:..", "x" * 200_000]
-
-
-def finished(desk: Desk, pid: str, kind: str) -> Snapshot:
-    job = desk.jobs.get(pid, kind)
-    assert job is not None
-    return job.join(120)
 
 
 def told(desk: Desk, pid: str, name: str) -> tuple[str, bool, bool]:
@@ -130,7 +125,7 @@ def test_a_recognizer_is_tried_on_another_model(
 def test_one_click_optimizes_again_for_the_other_model(
     desk: Desk, optimized: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from stand_ins import says
+    from stand_ins import finished, says
 
     other = ScriptedModel(says, name="other", fingerprint="o/1")
     monkeypatch.setitem(models._factories, "other", lambda: other)

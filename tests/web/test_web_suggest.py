@@ -1,15 +1,16 @@
 """Suggested labels on Images: asked for, shown, accepted with one key, never on the test side."""
 
 import time
+from functools import partial
 from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, expect
-from stand_ins import Gate, picture
+from stand_ins import Gate, finished, picture
 from test_web_browser import Watched, browser, open_tab, pytestmark, url
 
 from vqa_state.errors import NothingToSearchError
-from vqa_state.jobs import JobState, Snapshot
+from vqa_state.jobs import JobState
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.splits import Split
 from vqa_state.web.desk import Desk
@@ -33,10 +34,7 @@ def open_images(desk: Desk, optimized: str) -> dict[str, int]:
     return truth
 
 
-def ended(desk: Desk, pid: str) -> Snapshot:
-    job = desk.jobs.get(pid, suggest.KIND)
-    assert job is not None
-    return job.join(60)
+ended = partial(finished, kind=suggest.KIND)
 
 
 def test_the_recognizer_suggests_what_it_sees(

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stand_ins import finished
 from starlette.testclient import TestClient
 
 from vqa_state.assessing import assess as assess_project
 from vqa_state.errors import NothingToSearchError, ProjectError, VQAStateError
 from vqa_state.exporting import recognizer_with
-from vqa_state.jobs import JobState, Snapshot
+from vqa_state.jobs import JobState
 from vqa_state.scores import Objective
 from vqa_state.search.default import Engine
 from vqa_state.splits import Split
@@ -53,10 +54,7 @@ def client(desk: Desk) -> TestClient:
     return TestClient(LocalGuard(build_api(desk)), base_url="http://127.0.0.1")
 
 
-def ended(desk: Desk, pid: str) -> Snapshot:
-    job = desk.jobs.get(pid, assess.KIND)
-    assert job is not None
-    return job.join(120)
+ended = partial(finished, kind=assess.KIND)
 
 
 @pytest.fixture
