@@ -8,7 +8,7 @@ import pytest
 from tuned_project import tuned_copy
 
 from vqa_state.frontier import FrontierPoint, search_frontier
-from vqa_state.frontier_marks import MarkedPoint, marked_points
+from vqa_state.frontier_marks import MarkedPoint, cheaper_sentence, marked_points
 from vqa_state.report_plots import frontier_plot
 from vqa_state.scores import count
 from vqa_state.splits import Split
@@ -48,6 +48,25 @@ def test_the_test_images_move_none(tuned):
     for image in tuned.labelled(Split.TEST):
         tuned.set_labels([image.id], -image.label)
     assert marked_points(results(tuned)) == before
+
+
+@pytest.mark.parametrize(
+    ("recognized", "said"),
+    [
+        ((20, 20, 20), "s- recognizes as many training images as s+ with 1 question instead of 9."),
+        ((18, 20, 20), "s_x recognizes as many training images as s+ with 4 questions instead"),
+        ((18, 21, 20), "s_x recognizes 1 more with 4 questions instead of 9."),
+        ((19, 19, 20), ""),
+    ],
+)
+def test_a_cheaper_one_is_named_if_it_recognizes_as_many(recognized, said):
+    marks = [
+        MarkedPoint((name,), FrontierPoint(n, 6 * n, tuple(range(n)), right, 22, 0.9))
+        for name, n, right in zip(("s-", "s_x", "s+"), (1, 4, 9), recognized, strict=True)
+    ]
+    sentence = cheaper_sentence(marks, "s+")
+    assert sentence.startswith(said)
+    assert bool(sentence) == bool(said)
 
 
 def test_the_picture_shows_each_with_its_name(tuned):

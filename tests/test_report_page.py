@@ -20,7 +20,7 @@ from vqa_state.standings import standings
 from vqa_state.suggesting import ask_unlabelled, hints
 from vqa_state.tuning import results
 
-VOID = {"meta", "img", "br", "path", "polyline"}
+VOID = {"meta", "img", "br", "path", "polyline", "wbr"}
 
 
 class Balanced(HTMLParser):

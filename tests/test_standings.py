@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vqa_state.comparing import compare
-from vqa_state.evaluation import Interval
+from vqa_state.evaluation import Interval, exact_interval
 from vqa_state.standing_rows import RIVAL, SideScore, Standing, Standings
 from vqa_state.standings_words import comparison_sentences, standings_frame, warning_sentences
 from vqa_state.voting.estimates import Estimate
@@ -70,10 +70,11 @@ def test_a_rival_that_wins_out_of_bag_is_said_to_win():
     assert said.startswith(f"Out of bag, the {RIVAL} wins: it recognizes 16.0 of 20")
     assert "the recommended vote 14.0" in said
     assert "may be luck" in said
-    assert "does not export" in said
+    assert "does not export" not in said
     (said,) = warnings(estimate(0.60), estimate(0.95, half=0.05))
     assert "wins" in said
     assert "luck" not in said
+    assert "does not export" in said
 
 
 def test_a_rival_that_comes_as_far_is_said_to():
@@ -102,14 +103,25 @@ def test_without_test_images_the_rival_lacks_none():
 def test_a_rival_that_wins_on_the_test_is_said_to_win(n_lost, luck):
     ours = np.arange(20) >= n_lost
     comparisons = compare({"s+": ours, RIVAL: np.ones(20, bool)}, [("s+", RIVAL)])
-    first, second = comparison_sentences(comparisons, has_test=True)
+    first, second = comparison_sentences([], comparisons, has_test=True)
     assert f"{n_lost} fewer images than {RIVAL}" in first
     assert second.startswith(f"So the {RIVAL} wins on the test images")
     assert ("may be luck" in second) is luck
+    assert ("does not export" in second) is not luck
     swapped = compare({"s+": np.ones(20, bool), RIVAL: ours}, [("s+", RIVAL)])
-    assert len(comparison_sentences(swapped, has_test=True)) == 1
+    assert len(comparison_sentences([], swapped, has_test=True)) == 1
+
+
+def test_a_test_score_says_how_little_it_shows():
+    """20 of 20 shows 83 % or more: 0.025 ** (1 / 20)."""
+    seen = SideScore((20, 20), (10, 10), (10, 10), exact_interval(20, 20))
+    every = np.ones(20, bool)
+    comparisons = compare({"s+": every, RIVAL: every}, [("s+", RIVAL)])
+    first, *_ = comparison_sentences([row("s+", test=seen)], comparisons, has_test=True)
+    assert first.startswith("s+ recognizes 20 of 20 test images; that only shows")
+    assert f"{0.025 ** (1 / 20):.0%} to 100%" in first
 
 
 def test_without_test_images_it_says_so():
-    (said,) = comparison_sentences((), has_test=False)
+    (said,) = comparison_sentences([], (), has_test=False)
     assert said.startswith("There are no test images")

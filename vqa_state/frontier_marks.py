@@ -3,7 +3,7 @@
 Like the frontier, they are judged by training images only, so showing them is no look at the test.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from vqa_state.evaluation import Candidate
@@ -11,7 +11,7 @@ from vqa_state.frontier import FrontierPoint, point_of
 from vqa_state.scores import count
 from vqa_state.tuning import Results
 
-__all__ = ["MarkedPoint", "marked_points"]
+__all__ = ["MarkedPoint", "cheaper_sentence", "marked_points"]
 
 _MARKED = (
     Candidate.S_PLUS,
@@ -62,9 +62,29 @@ def marked_points(found: Results) -> tuple[MarkedPoint, ...]:
     return _placed(found, subsets)
 
 
+def cheaper_sentence(marks: Sequence[MarkedPoint], chosen: str) -> str:
+    """Whether a cheaper one of the marked subsets recognizes as many; "" if none does.
+
+    Args:
+        marks: from `marked_points`.
+        chosen: a name among them.
+    """
+    own = next(mark.point for mark in marks if chosen in mark.names)
+    for mark in marks:  # the cheapest first
+        point, more = mark.point, mark.point.n_recognized - own.n_recognized
+        if point.n_calls < own.n_calls and more >= 0:
+            plural = "" if point.n_questions == 1 else "s"
+            what = f"as many training images as {chosen}" if more == 0 else f"{more} more"
+            return (
+                f"{mark.names[0]} recognizes {what} with {point.n_questions} question{plural} "
+                f"instead of {own.n_questions}."
+            )
+    return ""
+
+
 def _placed(
     found: Results, subsets: Mapping[tuple[int, ...], list[str]]
 ) -> tuple[MarkedPoint, ...]:
     counts = count(found.train)
     marks = [MarkedPoint(tuple(n), point_of(counts, subset)) for subset, n in subsets.items()]
-    return tuple(sorted(marks, key=lambda mark: (mark.point.n_calls, mark.names)))
+    return tuple(sorted(marks, key=lambda mark: mark.point.n_calls))

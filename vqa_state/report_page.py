@@ -7,7 +7,7 @@ import pandas as pd
 
 from vqa_state import report, report_pictures, report_plots
 from vqa_state.assessing import Assessment
-from vqa_state.frontier_marks import marked_points
+from vqa_state.frontier_marks import cheaper_sentence, marked_points
 from vqa_state.project import Project
 from vqa_state.standings import Standings, standings_frame
 from vqa_state.suggesting import hints
@@ -21,8 +21,18 @@ body { max-width: 75rem; margin: 2rem auto; padding: 0 1rem; }
 div.wide { overflow-x: auto; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 td, th { border: 1px solid #8888; padding: .2rem .5rem; text-align: right; }
-td:first-child, th:first-child { text-align: left; }
-@media print { body { margin: 0; max-width: none; } li, table, svg { break-inside: avoid; } }
+td { white-space: nowrap; }
+td:first-child, th:first-child { text-align: left; position: sticky; left: 0; background: Canvas; }
+table.recognizers { font-size: .85em; }
+table.questions td:first-child { white-space: normal; min-width: 9rem; }
+@media print {
+  body { margin: 0; max-width: none; font-size: 11px; }
+  div.wide { overflow: visible; }
+  td { white-space: normal; }
+  td:first-child, th:first-child { position: static; }
+  li, tr, svg { break-inside: avoid; }
+  h2 { break-after: avoid; }
+}
 """
 
 
@@ -44,10 +54,14 @@ def report_page(
         "<h2>What the numbers say</h2>",
         _list([one for one in (table.recommendation, *table.warnings) if one]),
         _table(standings_frame(table)),
-        "<p>Intervals are exact, 95 %. Training scores carry none, because training images chose "
-        "the questions. ★ marks the recommended kind of vote.</p>",
+        "<p>★ marks the recommended kind of vote. Behind the test scores stand their exact 95 % "
+        "intervals, behind the estimates out of bag ones as wide as those of so many images. "
+        "Training scores carry none, because training images chose the questions. Milliseconds "
+        "(ms) were measured on the machine that asked.</p>",
         _list(table.sentences),
         "<h2>What is proved about the subsets</h2>",
+        "<p>Proofs are about these training images and questions. They do not say how any subset "
+        "does on new images.</p>",
         _list([*table.badges, *report.term_sentences(found)]),
         *([] if assessed is None else _assessed(found, assessed)),
         "<h2>The questions on the training images</h2>",
@@ -71,12 +85,14 @@ def report_page(
 
 
 def _assessed(found: Results, assessed: Assessment) -> list[str]:
+    marks, chosen = marked_points(found), assessed.objective.value
     curve = assessed.curves.get(assessed.recommendation.kind, ())
     return [
         "<h2>What each further question buys</h2>",
         "<p>On the training images. The line joins the best subsets found of each size; diamonds "
-        "are the subsets that were searched for, all questions, and the best single one.</p>",
-        report_plots.frontier_plot(assessed.frontier, marked_points(found)),
+        "are the subsets that were searched for, all questions, and the best single one. "
+        f"{escape(cheaper_sentence(marks, chosen))}</p>",
+        report_plots.frontier_plot(assessed.frontier, marks),
         "<h2>Accuracy against coverage</h2>",
         "<p>Out of bag, of the recommended vote: the fewer images get a verdict, the more of the "
         "verdicts are right.</p>",
@@ -94,7 +110,7 @@ def _table(frame: pd.DataFrame) -> str:
         f"<tr>{''.join(f'<td>{escape(str(cell))}</td>' for cell in line)}</tr>"
         for line in frame.itertuples(index=False)
     )
-    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
+    return f'<div class="wide"><table class="recognizers"><tr>{head}</tr>{body}</table></div>'
 
 
 def _heatmap(questions: pd.DataFrame) -> str:
@@ -105,7 +121,10 @@ def _heatmap(questions: pd.DataFrame) -> str:
     for record in questions.sort_values("accuracy", ascending=False).to_dict("records"):
         cells = "".join(_cell(float(record[one]), good=one != "invalid") for one in columns)
         rows.append(f"<tr><td>{escape(str(record['question']))}</td>{cells}</tr>")
-    return f'<div class="wide"><table><tr><th>question</th>{head}</tr>{"".join(rows)}</table></div>'
+    return (
+        f'<div class="wide"><table class="questions"><tr><th>question</th>{head}</tr>'
+        f"{''.join(rows)}</table></div>"
+    )
 
 
 def _cell(share: float, *, good: bool) -> str:
@@ -125,8 +144,7 @@ def _provenance(project: Project, found: Results) -> list[str]:
         f"{found.test.n_images if found.test else 0} test images, {found.train.n_questions} "
         f"questions; {shifts.n_copies} copies of each image ({shifts.kind.value}, "
         f"{shifts.amount:g}, seed {project.seed})",
-        f"Left out because answers are missing: {evaluation.n_left_out_train} training and "
-        f"{evaluation.n_left_out_test} test images",
+        _left_out(evaluation.n_left_out_train, evaluation.n_left_out_test),
         f"Search: {saved.engine.value}, {sizes.population} individuals, {sizes.generations} "
         f"generations, seed {saved.seed}, α {saved.weights.alpha:g}, β {saved.weights.beta:g}, "
         f"{'finished' if saved.finished else 'stopped by the user'}",
@@ -134,3 +152,9 @@ def _provenance(project: Project, found: Results) -> list[str]:
         *report.look_alike_sentences(project),
         "Method: K. Kawaharazuka et al., ICRA 2023, arXiv 2303.05052",
     ]
+
+
+def _left_out(n_train: int, n_test: int) -> str:
+    if not n_train + n_test:
+        return "No image is left out: every answer is there"
+    return f"Left out because answers are missing: {n_train} training and {n_test} test images"

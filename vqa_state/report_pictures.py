@@ -91,7 +91,8 @@ def _pictures(project: Project, items: Sequence[tuple[str, str]], *, empty: str)
 def _picture(project: Project, image_id: str, says: str) -> str:
     """One picture with its words; without the picture if its file is gone."""
     name = escape(project.images[image_id].name)
-    words = f"<strong>{name}</strong><br>{escape(says)}"
+    breakable = name.replace("/", "/<wbr>")
+    words = f"<strong>{breakable}</strong><br>{escape(says)}"
     try:
         data = base64.b64encode(project.thumbnail(image_id)).decode()
     except (ImageError, ProjectError):

@@ -11,25 +11,26 @@ from vqa_state.frontier_marks import MarkedPoint
 __all__ = ["STYLE", "coverage_plot", "frontier_plot"]
 
 STYLE = """
-svg { --line: #1f5fbf; --own: #b34700; max-width: 44rem; width: 100%; height: auto; }
+svg { --line: #1f5fbf; --own: #b34700; width: 44rem; height: auto; display: block; }
 svg text { fill: currentColor; font-size: 12px; }
 svg .axis { stroke: #888; fill: none; }
 svg .line { stroke: var(--line); fill: none; }
 svg .dot { fill: var(--line); }
-svg .own, svg text.own { fill: var(--own); }
+svg path.own { stroke: var(--own); stroke-width: 2.5; fill: none; pointer-events: all; }
+svg text.own { fill: var(--own); }
 @media (prefers-color-scheme: dark) { svg { --line: #7db0ff; --own: #ffb061; } }
 @media print { svg { --line: #1f5fbf; --own: #b34700; } }
 """
 
 _WIDTH, _HEIGHT = 700, 300
-_LEFT, _RIGHT, _TOP, _BOTTOM = 40, 25, 30, 45
+_LEFT, _RIGHT, _TOP, _BOTTOM = 50, 25, 40, 45
 _LETTER, _LINE = 6.5, 14  # of a label, in the picture's units
 _ROWS = 12  # below its diamond, a label goes at most so many lines down to be alone
 
 
 @dataclass(frozen=True, slots=True)
 class _Mark:
-    """A point in the unit square, and what it says; a label makes it one of the user's own."""
+    """A point of the picture, in shares of its axes, and what it says; a label names one's own."""
 
     x: float
     y: float
@@ -55,40 +56,49 @@ def frontier_plot(points: Sequence[FrontierPoint], own: Sequence[MarkedPoint]) -
     if not points:
         return "<p>Not known: the assessment was stopped.</p>"
     n_images = points[0].n_images
-    most_calls = max(point.n_calls for point in [*points, *(mark.point for mark in own)])
+    shown = [*points, *(mark.point for mark in own)]
+    most_calls = max(point.n_calls for point in shown)
+    least = _least([point.n_recognized / n_images for point in shown]) * n_images
 
     def mark(point: FrontierPoint, says: str, label: str = "") -> _Mark:
-        return _Mark(point.n_calls / most_calls, point.n_recognized / n_images, says, label)
+        height = (point.n_recognized - least) / (n_images - least)
+        return _Mark(point.n_calls / most_calls, height, says, label)
 
     return _plot(
         [mark(point, point.says) for point in points],
         [mark(one.point, one.says, one.label) for one in own],
         below=("0", "calls a decision", str(most_calls)),
-        beside=("0", "recognized training images", str(n_images)),
+        beside=(f"{least:g}", "recognized training images", str(n_images)),
     )
 
 
 def coverage_plot(curve: Sequence[CoveragePoint]) -> str:
     """Right verdicts against images that get one, out of bag."""
+    covered = [point for point in curve if point.n_covered]
+    if not covered:
+        return "<p>Not known: no training image was ever out of bag.</p>"
+    least = _least([point.accuracy for point in covered])
     marks = [
         _Mark(
             point.coverage,
-            point.accuracy,
+            (point.accuracy - least) / (1 - least),
             f"{point.n_covered} of {point.n_images} get a verdict, {point.n_correct} are right "
             f"(95 % interval {point.interval.low:.0%} to {point.interval.high:.0%}) from sureness "
             f"{point.min_sureness:.2f}",
         )
-        for point in curve
-        if point.n_covered
+        for point in covered
     ]
-    if not marks:
-        return "<p>Not known: no training image was ever out of bag.</p>"
     return _plot(
         marks,
         [],
         below=("0 %", "images with a verdict", "100 %"),
-        beside=("0 %", "right verdicts", "100 %"),
+        beside=(f"{100 * least:.0f} %", "right verdicts", "100 %"),
     )
+
+
+def _least(shares: Sequence[float]) -> float:
+    """Where the upright axis begins: at one half, what guessing gives, if nothing lies below."""
+    return 0.5 if min(shares) >= 0.5 else 0.0
 
 
 def _plot(
@@ -105,12 +115,12 @@ def _plot(
     line = " ".join(f"{mark.across:.1f},{mark.down:.1f}" for mark in marks)
     words = "".join(f"<li>{escape(mark.says)}</li>" for mark in [*own, *marks])
     return (
-        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
+        f'<div class="wide"><svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
         f'aria-label="{escape(beside[1])} against {escape(below[1])}">'
         f"{_axes(below, beside)}"
         f'<polyline points="{line}" class="line"/>'
         f"{''.join(_dot(mark) for mark in marks)}{''.join(_diamond(mark) for mark in own)}"
-        f"{_labels(own)}</svg>"
+        f"{_labels(own)}</svg></div>"
         f"<details><summary>The points in words</summary><ul>{words}</ul></details>"
     )
 
@@ -126,7 +136,7 @@ def _axes(below: tuple[str, str, str], beside: tuple[str, str, str]) -> str:
         f'<path d="M{left} {top}V{bottom}H{right}" class="axis"/>'
         + text(left - 5, bottom + 4, "end", beside[0])
         + text(left - 5, top + 4, "end", beside[2])
-        + text(left, top - 15, "start", beside[1])
+        + text(left, top - 18, "start", beside[1])
         + text(left, bottom + 16, "middle", below[0])
         + text((left + right) / 2, bottom + 32, "middle", below[1])
         + text(right, bottom + 16, "middle", below[2])
@@ -142,7 +152,7 @@ def _dot(mark: _Mark) -> str:
 
 def _diamond(mark: _Mark) -> str:
     return (
-        f'<path d="M{mark.across:.1f} {mark.down - 8:.1f}l8 8l-8 8l-8 -8z" class="own">'
+        f'<path d="M{mark.across:.1f} {mark.down - 9:.1f}l9 9l-9 9l-9 -9z" class="own">'
         f"<title>{escape(mark.says)}</title></path>"
     )
 
@@ -153,7 +163,7 @@ def _labels(own: Sequence[_Mark]) -> str:
     for mark in own:
         names.setdefault((mark.across, mark.down), []).append(mark.label)
     # Left, right and base line of what stands there: first the diamonds, then label by label.
-    taken = [(across - 8, across + 8, down + 4) for across, down in names]
+    taken = [(across - 9, across + 9, down + 4) for across, down in names]
     drawn = []
     for (across, down), labels in names.items():
         words = ", ".join(labels)
@@ -163,9 +173,9 @@ def _labels(own: Sequence[_Mark]) -> str:
             (
                 at
                 for row in range(_ROWS)
-                if not _meets(left, width, at := down + 21 + row * _LINE, taken)
+                if not _meets(left, width, at := down + 22 + row * _LINE, taken)
             ),
-            down + 21,
+            down + 22,
         )
         taken.append((left, left + width, base))
         drawn.append(f'<text x="{left:.1f}" y="{base:.1f}" class="own">{escape(words)}</text>')

@@ -62,7 +62,7 @@ def standings(
     return Standings(
         rows=rows,
         comparisons=comparisons,
-        sentences=tuple(comparison_sentences(comparisons, has_test=found.test is not None)),
+        sentences=tuple(comparison_sentences(rows, comparisons, has_test=found.test is not None)),
         recommendation=recommendation_sentence(assessed),
         warnings=tuple(warning_sentences(rows, assessed, has_test=found.test is not None)),
         badges=tuple(badge_sentences(found)),

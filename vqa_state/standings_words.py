@@ -27,8 +27,7 @@ __all__ = [
 ]
 
 _INSTEAD = (
-    "If that holds on more images, a trained classifier serves you better than questions do; "
-    "this program does not export one."
+    "A trained classifier serves you better than questions do; this program does not export one."
 )
 
 
@@ -50,16 +49,32 @@ def recommendation_sentence(assessed: Assessment | None) -> str:
     return f"Recommended: the vote by {one.kind.value!r}, because {one.reason}."
 
 
-def comparison_sentences(comparisons: Sequence[Comparison], *, has_test: bool) -> list[str]:
-    """The comparisons on the test images, and plainly whether the rival wins there."""
+def comparison_sentences(
+    rows: Sequence[Standing], comparisons: Sequence[Comparison], *, has_test: bool
+) -> list[str]:
+    """What the test images show: about the first row compared, against others, and the rival."""
     if not has_test:
         return ["There are no test images, so only out of bag says how good it is on new ones."]
-    sentences = [one.sentence() for one in comparisons]
+    sentences = [_shows(row) for row in rows if comparisons and row.name == comparisons[0].first]
+    sentences += [one.sentence() for one in comparisons]
     for one in comparisons:
         if one.second == RIVAL and one.test.difference < 0:
             luck = "" if one.significant else ", though that may be luck"
-            sentences.append(f"So the {RIVAL} wins on the test images{luck}. {_INSTEAD}")
+            instead = f" {_INSTEAD}" if one.significant else ""
+            sentences.append(f"So the {RIVAL} wins on the test images{luck}.{instead}")
     return sentences
+
+
+def _shows(row: Standing) -> str:
+    """What a test score proves, and how little."""
+    if row.test is None:
+        return f"{row.name} was not tried on the test images."
+    n_recognized, n_images = row.test.whole
+    return (
+        f"{row.name} recognizes {n_recognized} of {n_images} test images; that only shows that it "
+        f"recognizes {row.test.interval.low:.0%} to {row.test.interval.high:.0%} of new images "
+        "like these (exact 95 % interval)."
+    )
 
 
 def warning_sentences(
@@ -118,9 +133,11 @@ def _rival_out_of_bag(vote: Estimate, rival: Estimate, n_images: int) -> str:
     )
     if ahead <= NEAR:
         return f"Out of bag, the {RIVAL} does as well without questions: {figures}."
-    apart = rival.low > vote.high
-    surely = "" if apart else "; the 95 % intervals overlap, so that may be luck"
-    return f"Out of bag, the {RIVAL} wins: {figures}{surely}. {_INSTEAD}"
+    if rival.low > vote.high:
+        return f"Out of bag, the {RIVAL} wins: {figures}. {_INSTEAD}"
+    return (
+        f"Out of bag, the {RIVAL} wins: {figures}; the 95 % intervals overlap, so that may be luck."
+    )
 
 
 def _badge(objective: Objective, saved: SavedSearch) -> str:
