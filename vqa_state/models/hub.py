@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Thread
 
 from vqa_state.errors import ModelError
 from vqa_state.models.address import ModelAddress
@@ -90,7 +91,11 @@ def download(
     assert child.stdout is not None  # noqa: S101  # it is piped
     progress = DownloadProgress()
     try:
-        first = _said(child.stdout.readline())
+        line = _first_line(child, stop)
+        if line is None:
+            yield replace(progress, stopped=True)
+            return
+        first = _said(line)
         total = int(str(first.get("total", 0)))
         folder = Path(str(first.get("folder", "")))
         progress = DownloadProgress(total=total, began_with=_size(folder, total))
@@ -110,6 +115,21 @@ def download(
         child.kill()
         child.wait()
         child.stdout.close()
+
+
+def _first_line(child: "subprocess.Popen[str]", stop: Callable[[], bool]) -> str | None:
+    """What the child says first, once the hub has answered it; None if the user stops before."""
+    lines: list[str] = []
+    assert child.stdout is not None  # noqa: S101  # it is piped
+    reader = Thread(target=lambda out: lines.append(out.readline()), args=(child.stdout,))
+    reader.start()
+    stopped = False
+    while reader.is_alive():
+        if stop():
+            stopped = True
+            child.kill()  # its end is the reader's, too
+        reader.join(_LOOK_SECONDS)
+    return None if stopped else lines[0]
 
 
 def _said(line: str) -> dict[str, object]:
