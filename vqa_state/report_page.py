@@ -28,7 +28,8 @@ table.questions td:first-child { white-space: normal; min-width: 9rem; }
 @media print {
   body { margin: 0; max-width: none; font-size: 11px; }
   div.wide { overflow: visible; }
-  td { white-space: normal; }
+  table.recognizers { font-size: 8px; }
+  td, th { padding: 1px 3px; }
   td:first-child, th:first-child { position: static; }
   li, tr, svg { break-inside: avoid; }
   h2 { break-after: avoid; }
