@@ -8,6 +8,7 @@ import threading
 import time
 
 import numpy as np
+import openai  # noqa: F401 - now, for it takes seconds, and tests below look at the clock
 import pytest
 from pictures import draw
 from PIL import Image
@@ -240,7 +241,8 @@ def test_no_whole_answer_in_time_is_a_failure(stub, script):
     found = outcomes(model_of(stub, IMPATIENT), ["good", "bad"])
     assert "no whole answer within 0.2 seconds" in found[0, "bad"].reason
     assert found[0, "good"] == Answer("Yes.")
-    assert time.monotonic() - began < 3
+    # Two tries of 0.2 seconds, and what a busy machine adds: 0.9 at most in ten runs.
+    assert 0.4 < time.monotonic() - began < 1.5
 
 
 def test_an_answer_has_a_deadline_with_all_its_tries(stub):
@@ -248,7 +250,7 @@ def test_an_answer_has_a_deadline_with_all_its_tries(stub):
     budget = CallBudget(retries=1000, run_retries=1000, answer_seconds=0.3, first_wait_seconds=0.02)
     began = time.monotonic()
     assert "500" in outcomes(model_of(stub, budget), ["bad"])[0, "bad"].reason
-    assert 0.2 < time.monotonic() - began < 2
+    assert 0.2 < time.monotonic() - began < 0.8
 
 
 @pytest.mark.parametrize(
@@ -278,7 +280,9 @@ def test_a_server_that_is_gone_is_not_waited_for_by_every_pair_and_is_found_agai
         found = outcomes(model, [f"q{n}" for n in range(64)])
         assert {type(one) for one in found.values()} == {Failure}
     assert "nothing answers at" in found[0, "q0"].reason
-    assert time.monotonic() - began < 3
+    assert (
+        time.monotonic() - began < 2
+    )  # 20 runs of 64 pairs; each pair has tries and waits to lose
     with Stub(port=gone.port):
         assert set(outcomes(model).values()) == {Answer("Yes.")}
 
@@ -314,7 +318,7 @@ def test_retry_after_is_waited_for(stub):
     times: list[float] = []
     stub.script = first_429({"retry-after": "0.25"}, times)
     assert outcomes(model_of(stub), ["q"])[0, "q"] == Answer("Yes.")
-    assert 0.24 < times[1] - times[0] < 2
+    assert 0.25 <= times[1] - times[0] < 1
 
 
 def test_a_wait_that_is_too_long_is_left_to_the_user(stub):
