@@ -125,7 +125,7 @@ def assess(
         n_resamples: of the out-of-bag estimate.
 
     Yields:
-        One report a step. The last one holds the assessment, unless stopped before there is any.
+        One report a step. The last one holds the assessment; after a stop, that of what came.
 
     Raises:
         NothingToSearchError: if nothing was searched for the present answers, or a state has fewer
@@ -140,9 +140,6 @@ def assess(
         )
     making = _Making(project, found)
     bags: OutOfBagProgress | None = None
-    yield AssessProgress(Stage.RESAMPLES, 0, n_resamples)
-    if stop():
-        return
     for bags in making.bags(n_resamples):
         yield AssessProgress(Stage.RESAMPLES, bags.n_done, bags.n_total)
         if stop():
