@@ -99,6 +99,17 @@ def test_without_test_images_the_rival_lacks_none():
     assert warnings(vote, rival, has_test=True, rows=rows) == []
 
 
+@pytest.mark.parametrize("rival", [0.95, 0.8, 0.5])
+def test_no_warning_tells_of_the_test(rival):
+    """They are shown before a look at the test images."""
+    vote, said = estimate(0.8), []
+    for n_right in (0, 7, 20):
+        seen = SideScore((n_right, 20), (n_right // 2, 10), (n_right // 2, 10), Interval(0, 1))
+        rows = [row("s+", vote, seen, recommended=True), row(RIVAL, estimate(rival), seen)]
+        said.append(warnings(vote, estimate(rival), has_test=True, rows=rows))
+    assert said[0] == said[1] == said[2]
+
+
 @pytest.mark.parametrize(("n_lost", "luck"), [(2, True), (12, False)])
 def test_a_rival_that_wins_on_the_test_is_said_to_win(n_lost, luck):
     ours = np.arange(20) >= n_lost
