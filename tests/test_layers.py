@@ -43,6 +43,7 @@ ORDER = [
     "coverage",
     "recognizer_file",
     "recognizer_calls",
+    "recognizer_votes",
     "recognizer",
     "rechecking",
     "tuning",

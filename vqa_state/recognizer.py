@@ -13,15 +13,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from vqa_state import models
 from vqa_state.abstaining import AbstainRule, Judgement
 from vqa_state.answers import MISSING, PARSER_VERSION, Answer
-from vqa_state.early_stop import verdict_so_far
 from vqa_state.errors import RecognizerError
 from vqa_state.files import write_atomically
 from vqa_state.models.base import VQAModel
@@ -43,6 +40,7 @@ from vqa_state.recognizer_file import (
     content_digest,
     upgraded,
 )
+from vqa_state.recognizer_votes import Said, Shares, as_arrays, as_verdict, judged_so_far
 from vqa_state.verdict import State, Verdict, Vote
 from vqa_state.voting.kinds import FittedVote, VoteKind
 
@@ -63,9 +61,6 @@ __all__ = [
 ]
 
 MAX_FILE_BYTES: Final = 5_000_000
-
-Said = NDArray[np.int8]
-Shares = NDArray[np.float32]
 
 
 class Recognizer(Record):
@@ -213,65 +208,22 @@ class Recognizer(Record):
         n_open = int((said == MISSING).sum())
         if n_open == 0:
             return self.verdict(votes, milliseconds)
-        state = verdict_so_far(rule, said, p_positive)
-        if state is None:
+        judged = judged_so_far(rule, said, p_positive)
+        if judged is None:
             return None
-        # Unknown: even the surest way to go on is not sure enough. Else: even the least sure is.
-        extreme = (max if state is State.UNKNOWN else min)(
-            (_judged_with(rule, said, p_positive, rest) for rest in (1, -1)),
-            key=lambda judged: judged.sureness,
-        )
-        counted = replace(extreme, state=state)
         reason = f"the {n_open} answers that were not asked for cannot change it"
-        if state is State.UNKNOWN:
+        if judged.state is State.UNKNOWN:
             reason = f"the vote cannot become sure enough any more: {reason}"
-        return self._verdict(votes, counted, reason, milliseconds)
+        return self._verdict(votes, judged, reason, milliseconds)
 
     def _verdict(
         self, votes: Sequence[Vote], judged: Judgement, reason: str, milliseconds: float
     ) -> Verdict:
-        n_positive = sum(vote.speaks_for > 0 for vote in votes)
-        n_negative = sum(vote.speaks_for < 0 for vote in votes)
-        names = {State.POSITIVE: self.states.positive, State.NEGATIVE: self.states.negative}
-        return Verdict(
-            state=judged.state,
-            state_name=names.get(judged.state, "unknown"),
-            reason=reason,
-            confidence=max(judged.share, 1 - judged.share),
-            n_positive=n_positive,
-            n_negative=n_negative,
-            n_invalid=len(votes) - n_positive - n_negative,
-            n_calls=len(votes),
-            milliseconds=milliseconds,
-            votes=tuple(votes),
-            n_skipped=self.calls_per_image - len(votes),
-            sureness=judged.sureness,
-            min_sureness=judged.min_sureness,
-            n_copies=judged.n_copies,
-            n_agreeing=judged.n_agreeing,
-        )
+        n_skipped = self.calls_per_image - len(votes)
+        return as_verdict(votes, judged, self.states, reason, n_skipped, milliseconds)
 
     def _arrays(self, votes: Sequence[Vote]) -> tuple[Said, Shares | None]:
-        """What each answer speaks for, and the model's own shares where the vote needs them."""
-        shape = self.copies.n_copies, len(self.questions)
-        places = {question.text: place for place, question in enumerate(self.questions)}
-        said = np.full(shape, MISSING, np.int8)
-        p_positive = np.full(shape, np.nan, np.float32)
-        for vote in votes:
-            place = vote.copy, places[vote.question]
-            said[place] = vote.speaks_for
-            p_yes = vote.answer.p_yes
-            if p_yes is not None:
-                is_positive = self.questions[place[1]].yes_means > 0
-                p_positive[place] = round(p_yes, 6) if is_positive else 1 - round(p_yes, 6)
-        if self.vote is not VoteKind.WEIGHTED_P_YES:
-            return said, None
-        if np.isnan(p_positive[said != MISSING]).any():
-            raise RecognizerError(
-                "this recognizer counts the model's own probabilities, and the model gave none "
-                "with an answer; use a model that gives them, or export another kind of vote"
-            )
-        return said, p_positive
+        return as_arrays(votes, self.questions, self.copies.n_copies, self.vote)
 
     def loaded_model(self) -> VQAModel:
         """The model that the file names, loaded on first use and kept.
@@ -356,14 +308,6 @@ def recognize_all(
             verdict = one.verdict(one.votes(answers), milliseconds)
             found[place] = replace(verdict, n_calls=len(answers))
     return [found[place] for place in range(len(recognizers))]
-
-
-def _judged_with(rule: AbstainRule, said: Said, p_positive: Shares | None, rest: int) -> Judgement:
-    """The judgement if every open answer spoke for the state `rest`."""
-    is_open = said == MISSING
-    full = np.where(is_open, rest, said).astype(np.int8)
-    shares = None if p_positive is None else np.where(is_open, rest > 0, p_positive)
-    return rule.judge(full, None if shares is None else shares.astype(np.float32))
 
 
 def read_recognizer(data: bytes, shown: str) -> Recognizer:
