@@ -14,7 +14,7 @@ from vqa_state.cli import running
 from vqa_state.models.base import Failure
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.project import Project
-from vqa_state.recognizer import Recognizer
+from vqa_state.recognizer import Recognizer, read_recognizer
 from vqa_state.scores import Objective
 from vqa_state.tuning import recognizer_path
 
@@ -120,6 +120,41 @@ def test_what_it_is_worth_and_every_vote_exported(run, tmp_path, folder, photos)
     assert early[0]["n_calls"] + early[0]["n_skipped"] == whole["n_calls"]
     code, _, err = run("export", folder, tmp_path / "r.json", "--vote", "weighted p_yes")
     assert (code, "no probabilities" in err) == (1, True)
+
+
+def test_the_vote_and_coverage_of_an_export_are_kept(run, tmp_path, folder):
+    run("optimize", folder, *QUICK)
+    run("assess", folder)
+    run("export", folder, tmp_path / "a.json", "--vote", "threshold", "--coverage", 0.7)
+    assert run("export", folder, tmp_path / "b.json")[0] == 0
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+    run("export", folder, tmp_path / "c.json", "--vote", "paper", "--coverage", 1)
+    plain = recognizer_path(Project.open(folder), Objective.S_PLUS).read_bytes()
+    assert Recognizer.load(tmp_path / "c.json").questions == read_questions(plain)
+
+
+def read_questions(data):
+    return read_recognizer(data, "it").questions
+
+
+def test_a_failed_call_costs_one_image_and_not_the_others(run, tmp_path, folder, photos):
+    run("optimize", folder, *QUICK)
+    run("export", folder, tmp_path / "r.json")
+    calls = []
+
+    def failing_first(image, question):
+        calls.append(question)
+        return Failure("the server was busy") if len(calls) == 1 else by_pixels(image, question)
+
+    models.register("elsewhere", lambda: ScriptedModel(failing_first))
+    pictures = [photos / "open" / "1.png", photos / "open" / "3.png"]
+    for early in ([], ["--stop-early"]):
+        calls.clear()
+        code, out, _ = run(
+            "recognize", tmp_path / "r.json", *pictures, "--model", "elsewhere", "--json", *early
+        )
+        first, second = json.loads(out)
+        assert (code, "busy" in first["error"], "state" in second) == (1, True, True)
 
 
 def test_suggested_labels_are_kept_only_if_accepted(run, tmp_path, folder):

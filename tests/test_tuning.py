@@ -268,3 +268,14 @@ def test_raw_answers_of_an_image(asked):
     answers = image_answers(asked, image.id, {text})
     assert [answer.copy for answer in answers] == [0, 1]
     assert all(answer.text in {"yes", "no", "door"} for answer in answers)
+
+
+def test_files_of_two_runs_are_no_result(asked):
+    """A kill between the four files leaves some of the run before."""
+    list(optimize(asked))
+    old = (asked.folder / "searches" / "s_plus.json").read_bytes()
+    asked.search_seed = 1
+    list(optimize(asked))
+    assert results(asked) is not None
+    (asked.folder / "searches" / "s_plus.json").write_bytes(old)
+    assert results(asked) is None

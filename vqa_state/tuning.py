@@ -218,6 +218,8 @@ def results(project: Project) -> Results | None:
     train, test = _tables(project)
     if not all(_fits(one, objective, train) for objective, one in searches.items()):
         return None
+    if len({(one.engine, one.weights, one.settings, one.seed) for one in searches.values()}) > 1:
+        return None  # killed between two of the four files: some are of the run before
     chosen = {objective: one.subset for objective, one in searches.items()}
     evaluation = evaluate(train, test, chosen, seed=project.search_seed)
     return Results(searches, evaluation, _complete(train), test and _complete(test))

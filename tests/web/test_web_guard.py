@@ -8,14 +8,17 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.testclient import TestClient
 
-from vqa_state.web.guard import LocalGuard
+from vqa_state.web.guard import WILDCARDS, LocalGuard
 
 
 def client(*hosts: str) -> TestClient:
     async def answer(_request: Request) -> Response:
         return PlainTextResponse("ok", headers={"X-Frame-Options": "ALLOW"})
 
-    app = Starlette(routes=[Route("/", answer, methods=["GET", "POST", "DELETE"])])
+    paths = ("/", "/projects/a/report.html")
+    app = Starlette(
+        routes=[Route(path, answer, methods=["GET", "POST", "DELETE"]) for path in paths]
+    )
     return TestClient(LocalGuard(app, hosts), base_url="http://127.0.0.1:7860")
 
 
@@ -33,6 +36,19 @@ def test_a_foreign_host_is_refused(host: str) -> None:
 
 def test_a_host_given_at_the_start_is_ours() -> None:
     assert client("10.0.0.7").get("/", headers={"Host": "10.0.0.7:7860"}).status_code == 200
+
+
+@pytest.mark.parametrize("wildcard", WILDCARDS)
+def test_open_to_all_means_every_number_but_no_name(wildcard: str) -> None:
+    for host, status in (("10.0.0.7:7860", 200), ("[fe80::1]:7860", 200), ("evil.example", 403)):
+        assert client(wildcard).get("/", headers={"Host": host}).status_code == status
+
+
+def test_another_site_may_lead_to_the_page_but_not_to_its_files() -> None:
+    headers = {"Sec-Fetch-Site": "cross-site"}
+    assert client().get("/", headers=headers).status_code == 200
+    assert client().get("/projects/a/report.html", headers=headers).status_code == 403
+    assert client().get("/projects/a/report.html").status_code == 200
 
 
 @pytest.mark.parametrize("method", ["POST", "DELETE"])

@@ -158,7 +158,8 @@ def _print(project: Project, found: Results) -> None:
         print(sentence)
     row = next(row for row in evaluation.rows if row.name.value == project.chosen.value)
     missed = report.missed_pictures(project, row)
-    print(f"{project.chosen.value} does not recognize {len(missed)} images.")
+    images = "1 image" if len(missed) == 1 else f"{len(missed)} images"
+    print(f"{project.chosen.value} does not recognize {images}.")
     for one in missed:
         print(f"  {one.sentence()}")
     for sentence in report.look_alike_sentences(project):

@@ -1,6 +1,6 @@
 """report, export, recognize: what comes out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -19,9 +19,10 @@ from vqa_state.cli.terminal import (
     show_asking,
     verdict_record,
 )
-from vqa_state.errors import ImageError
+from vqa_state.errors import ImageError, ModelError
 from vqa_state.exporting import recognizer_with
 from vqa_state.files import write_atomically
+from vqa_state.models.base import VQAModel
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.rechecking import Rechecked, recheck
@@ -118,24 +119,27 @@ def recognize(
     stop_early: Annotated[
         bool, typer.Option("--stop-early", help="Ask only until the rest cannot change it.")
     ] = False,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="Name or address of the recognizers' model, if it goes by another one here."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Say the state of each image, with the votes.
 
-    An image that cannot be read is named, and the others go on. Exit code 1 if there was one, 3 if
-    a verdict is unknown.
+    An image that cannot be read, or about which a call failed, is named, and the others go on. Exit
+    code 1 if there was one, 3 if a verdict is unknown.
     """
     recognizers = [Recognizer.load(path) for path in (file, *(also or []))]
+    loaded = _loaded(recognizers, model)
     records: list[dict[str, object]] = []
     states = set()
     for image in images:
         try:
-            verdicts = (
-                [one.recognize(image, stop_early=True) for one in recognizers]
-                if stop_early
-                else recognize_all(image, recognizers)
-            )
-        except ImageError as error:
+            verdicts = _verdicts(image, recognizers, loaded, stop_early=stop_early)
+        except (ImageError, ModelError) as error:
             records.append({"image": str(image), "error": str(error)})
             say(f"error: {image}: {error}")
             continue
@@ -151,6 +155,33 @@ def recognize(
         raise typer.Exit(1)
     if State.UNKNOWN in states:
         raise typer.Exit(3)
+
+
+def _loaded(recognizers: Sequence[Recognizer], model: str | None) -> dict[str, VQAModel]:
+    """The models by the names in the files, each loaded once, before the first image."""
+    names = dict.fromkeys(one.model.name for one in recognizers)
+    if model is not None:
+        return dict.fromkeys(names, models.create(models.choose(model)))
+    return {name: models.create(name) for name in names}
+
+
+def _verdicts(
+    image: Path,
+    recognizers: Sequence[Recognizer],
+    loaded: Mapping[str, VQAModel],
+    *,
+    stop_early: bool,
+) -> list[Verdict]:
+    if stop_early:
+        return [
+            one.recognize(image, loaded[one.model.name], stop_early=True) for one in recognizers
+        ]
+    found: dict[int, Verdict] = {}
+    for name, vqa_model in loaded.items():
+        places = [at for at, one in enumerate(recognizers) if one.model.name == name]
+        verdicts = recognize_all(image, [recognizers[at] for at in places], vqa_model)
+        found |= dict(zip(places, verdicts, strict=True))
+    return [found[at] for at in range(len(recognizers))]
 
 
 @app.command("recheck")

@@ -70,4 +70,6 @@ def recommend(shares: Mapping[VoteKind, float], n_images: int) -> Recommendation
         )
         if shares[best] > shares[chosen]:
             reason += ": too little more to give up the simpler vote"
+        elif shares[best] == shares[chosen]:
+            reason += ": no better, so the simpler vote is taken"
     return Recommendation(chosen, reason)
