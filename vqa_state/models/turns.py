@@ -17,6 +17,9 @@ __all__ = ["Stopped", "Turns", "till_stopped"]
 
 T = TypeVar("T")
 
+#: How long a caller waits before it looks again whether it gives up.
+_LOOK_SECONDS = 0.1
+
 
 class Stopped(Exception):  # noqa: N818
     """A user's stop on its way out of a generation; see `till_stopped`."""
@@ -45,9 +48,10 @@ class Turns:
         """Have the model for some passes.
 
         Raises:
-            Stopped: before the first pass that would begin after the stop.
+            Stopped: before the first pass that would begin after the stop, or while others have it.
         """
-        with self.lock:
+        self._wait()
+        try:
             self._look()
             # Hooks are the model's own, but nobody else can call it meanwhile.
             steps = self.steps if self.stop else ()
@@ -57,6 +61,13 @@ class Turns:
             finally:
                 for hook in hooks:
                     hook.remove()
+        finally:
+            self.lock.release()
+
+    def _wait(self) -> None:
+        """Take the lock; a block of somebody else's may take minutes, and a stop shall not."""
+        while not self.lock.acquire(timeout=_LOOK_SECONDS):
+            self._look()
 
     def _look(self, *_: object) -> None:
         if self.stop is not None and self.stop():
