@@ -65,7 +65,8 @@ def choose_runtime(device: Device = Device.AUTO, precision: Precision = Precisio
             Device.CPU: Precision.FLOAT32,
             Device.MPS: Precision.FLOAT16,
             Device.CUDA: Precision.BFLOAT16
-            if device is Device.CUDA and torch.cuda.is_bf16_supported()
+            # A card before Ampere only emulates bfloat16, which is slower than float16 there.
+            if device is Device.CUDA and torch.cuda.is_bf16_supported(including_emulation=False)
             else Precision.FLOAT16,
         }[device]
     if device is Device.CPU and precision is Precision.FLOAT16:
