@@ -61,7 +61,7 @@ def cached_folder(address: ModelAddress) -> Path:
     """
     folder = _snapshot(address)
     if folder is None:
-        plain = f"{address.source}:{address.where}"
+        plain = str(ModelAddress(address.source, address.where, revision=address.revision))
         raise ModelError(
             f"the model {address.where} is not on this disk; download it in the app or with: "
             f"python -m vqa_state models download {plain}. Without network, copy its folder from "
@@ -84,11 +84,12 @@ def download(
     began = time.monotonic()
     child = subprocess.Popen(  # noqa: S603  # our own interpreter and module, checked words
         [sys.executable, "-m", "vqa_state.models.hub_child", address.where, address.revision],
+        stdin=subprocess.PIPE,  # its end tells the child that we are gone
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
     )
-    assert child.stdout is not None  # noqa: S101  # it is piped
+    assert child.stdin is not None and child.stdout is not None  # noqa: S101  # both are piped
     progress = DownloadProgress()
     try:
         line = _first_line(child, stop)
@@ -114,6 +115,7 @@ def download(
     finally:
         child.kill()
         child.wait()
+        child.stdin.close()
         child.stdout.close()
 
 
