@@ -89,7 +89,8 @@ def download(
         stderr=subprocess.DEVNULL,
         text=True,
     )
-    assert child.stdin is not None and child.stdout is not None  # noqa: S101  # both are piped
+    assert child.stdin is not None  # noqa: S101  # it is piped
+    assert child.stdout is not None  # noqa: S101  # it is piped
     progress = DownloadProgress()
     try:
         line = _first_line(child, stop)

@@ -1,10 +1,13 @@
 """The process that downloads: `python -m vqa_state.models.hub_child OWNER/NAME [REVISION]`.
 
-It prints one line of JSON with the size and the place, and a last one with an error, if any.
+It prints one line of JSON with the size and the place, and a last one with an error, if any. It
+ends when its standard input does: whoever began it holds the other end, and may be killed.
 """
 
 import json
+import os
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -66,9 +69,17 @@ def _refusal(name: str, error: Exception) -> str:
     return f"the hub gave no answer about {name} (status {status}); try again later"
 
 
+def _end_with_parent() -> None:
+    """The system closes the pipe of a process that is gone, however it went."""
+    while os.read(0, 1):  # not sys.stdin: its lock would be held when the interpreter ends
+        pass
+    os._exit(1)  # a download in flight would hold up a milder end; what came is kept
+
+
 def _print(**content: Any) -> None:
     print(json.dumps(content), flush=True)
 
 
 if __name__ == "__main__":
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     sys.exit(main(sys.argv[1:]))
