@@ -23,6 +23,7 @@ from vqa_state.models.server_faults import (
     connection_fault,
     not_understood,
     status_fault,
+    unforeseen,
 )
 from vqa_state.models.server_reply import model_names
 from vqa_state.models.server_url import ServerURL
@@ -167,12 +168,19 @@ def list_models(url: str) -> tuple[str, ...]:
     """
     server = ServerURL.parse(url)
     key = key_for(server)
-    thread = LoopThread(lambda: _listed(server, key))
+    thread = LoopThread(lambda: _list(server, key))
     thread.start()
     listed = thread.result()
     if isinstance(listed, Fault):
         raise ModelError(listed.sentence)
     return tuple(without_keys(name, key) for name in listed)
+
+
+async def _list(url: ServerURL, key: ApiKey | None) -> tuple[str, ...] | Fault:
+    try:
+        return await _listed(url, key)
+    except Exception as error:  # noqa: BLE001 - a stranger's bytes went through it
+        return unforeseen(error, url)
 
 
 async def _listed(url: ServerURL, key: ApiKey | None) -> tuple[str, ...] | Fault:

@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 from vqa_state.answers import Answer
 from vqa_state.models.api_keys import ApiKey
-from vqa_state.models.server_faults import Fault, Reach, connection_fault, status_fault
+from vqa_state.models.server_faults import (
+    Fault,
+    Reach,
+    connection_fault,
+    status_fault,
+    unforeseen,
+)
 from vqa_state.models.server_pace import Pace
 from vqa_state.models.server_reply import read_reply
 from vqa_state.models.server_url import ServerURL
@@ -148,6 +154,14 @@ class Caller:
             dialect = other
 
     async def _call(
+        self, client: "AsyncOpenAI", content: list[dict[str, Any]], dialect: _Dialect
+    ) -> Answer | Fault:
+        try:
+            return await self._exchange(client, content, dialect)
+        except Exception as error:  # noqa: BLE001 - a stranger's bytes: none may end the run
+            return unforeseen(error, self._url)
+
+    async def _exchange(
         self, client: "AsyncOpenAI", content: list[dict[str, Any]], dialect: _Dialect
     ) -> Answer | Fault:
         import httpx2

@@ -48,7 +48,7 @@ async def open_client(
         trust_env=not url.is_loopback,
         verify=_trust(url.scheme),
         limits=httpx2.Limits(max_connections=None),
-        event_hooks={"request": [_dresser(url, key)], "response": [_bounded]},
+        event_hooks={"request": [_dresser(url, key)], "response": [_plain, _bounded]},
     )
     async with openai.AsyncOpenAI(
         api_key="none",  # the hook below holds the real one, and replaces this
@@ -81,6 +81,11 @@ def _dresser(url: ServerURL, key: ApiKey | None) -> Callable[["httpx2.Request"],
             request.headers["authorization"] = f"Bearer {key.reveal()}"
 
     return dress
+
+
+async def _plain(response: "httpx2.Response") -> None:
+    """Read it as UTF-8, whatever character set it claims: some are none, some break the reading."""
+    response.encoding = "utf-8"
 
 
 async def _bounded(response: "httpx2.Response") -> None:

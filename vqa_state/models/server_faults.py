@@ -15,7 +15,15 @@ from vqa_state.models.server_url import ServerURL
 if TYPE_CHECKING:
     from openai import APIConnectionError, APIStatusError
 
-__all__ = ["Fault", "Reach", "connection_fault", "not_understood", "retry_after", "status_fault"]
+__all__ = [
+    "Fault",
+    "Reach",
+    "connection_fault",
+    "not_understood",
+    "retry_after",
+    "status_fault",
+    "unforeseen",
+]
 
 
 class Reach(StrEnum):
@@ -100,6 +108,11 @@ def not_understood(url: ServerURL, what: str = "something that is no JSON") -> F
     """Success by its status, and yet nothing that could be read."""
     sentence = f"{url} sent {what} instead of an answer; check the address{_v1_hint(url)}"
     return Fault(sentence, Reach.PASSING)
+
+
+def unforeseen(error: Exception, url: ServerURL) -> Fault:
+    """What broke while a reply was read; its words may be the server's, so they are not shown."""
+    return Fault(f"the reply of {url} cannot be read ({type(error).__name__})", Reach.PASSING)
 
 
 def retry_after(header: str | None, now: datetime | None = None) -> float | None:

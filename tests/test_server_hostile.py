@@ -1,0 +1,107 @@
+"""Servers that send what no server should: the run goes on, and an error repeats none of it."""
+
+import openai  # noqa: F401 - now, for it takes seconds
+import pytest
+from server_cases import QUICK, answers, error, model_of, only_bad, outcomes
+from stub_server import Stub, good
+
+from vqa_state.answers import Answer
+from vqa_state.asking import ask, plan
+from vqa_state.errors import ModelError
+from vqa_state.models import server_calls
+from vqa_state.models.base import Failure
+from vqa_state.models.server import list_models
+
+
+@pytest.fixture(autouse=True)
+def bare_environment(monkeypatch):
+    for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def stub():
+    with Stub() as server:
+        yield server
+
+
+# A character set that is none, or no text
+
+CHARSETS = ["utf-16", "hex", "base64", "rot13", "undefined", "idna", "zip", "no such", '"', "utf-7"]
+
+
+@pytest.mark.parametrize("charset", CHARSETS)
+@pytest.mark.parametrize("status", [400, 401, 503])
+def test_no_character_set_ends_a_run(stub, charset, status):
+    kind = f"text/plain; charset={charset}"
+    stub.script = only_bad(answers(b"x\xff", status, content_type=kind))
+    found = outcomes(model_of(stub), ["good", "bad", "fine"])
+    assert found[0, "good"] == Answer("Yes.")
+    assert str(status) in found[0, "bad"].reason
+    stub.script = answers(b"x\xff", status, content_type=kind)
+    with pytest.raises(ModelError, match=str(status)):
+        list_models(stub.url)
+
+
+@pytest.mark.parametrize("charset", CHARSETS)
+def test_an_answer_is_read_whatever_its_character_set_is_called(stub, charset):
+    kind = f"application/json; charset={charset}"
+    stub.script = answers('{"choices": [{"message": {"content": "Yes."}}]}', content_type=kind)
+    assert outcomes(model_of(stub), ["q"])[0, "q"] == Answer("Yes.")
+
+
+def test_a_run_outlives_such_replies_and_is_completed_later(stub, project):
+    stub.script = lambda call, handler: (
+        answers(b"x\xff", 503, content_type="text/plain; charset=hex")(call, handler)
+        if call.number % 3 == 0
+        else good(call, handler)
+    )
+    model = model_of(stub)
+    last = list(ask(project, model))[-1]
+    assert last.n_asked > 0
+    assert last.n_asked + last.n_failed == last.n_calls
+    stub.script = good
+    assert list(ask(project, model))[-1].n_failed == 0
+    assert plan(project, model.fingerprint).n_to_ask == 0
+
+
+# What nobody thought of
+
+
+@pytest.mark.parametrize("body", ['{"detail": ' + "[" * 900 + "]" * 900 + "}", "1" * 5000, "\x00"])
+@pytest.mark.parametrize("status", [200, 400, 503])
+def test_no_body_ends_a_run(stub, body, status):
+    stub.script = only_bad(answers(body, status))
+    found = outcomes(model_of(stub), ["good", "bad", "fine"])
+    assert isinstance(found[0, "bad"], Failure)
+    assert found[0, "good"] == found[0, "fine"] == Answer("Yes.")
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, RecursionError, AssertionError, UnicodeError])
+@pytest.mark.parametrize("part", ["read_reply", "status_fault"])
+def test_an_error_of_ours_or_the_clients_is_one_failure_without_its_words(
+    stub, monkeypatch, kind, part
+):
+    def broken(*args):
+        raise kind("the secret words of a reply")
+
+    stub.script = error(503) if part == "status_fault" else good
+    monkeypatch.setattr(server_calls, part, broken)
+    found = outcomes(model_of(stub), ["one", "two"])
+    for failure in found.values():
+        assert kind.__name__ in failure.reason
+        assert "secret" not in failure.reason
+    assert len(stub.calls) == 2 * (1 + QUICK.retries)
+    monkeypatch.undo()
+    stub.script = good
+    assert set(outcomes(model_of(stub)).values()) == {Answer("Yes.")}
+
+
+def test_a_list_that_breaks_the_client_is_explained(stub, monkeypatch):
+    def broken(*args):
+        raise RuntimeError("the secret words of a reply")
+
+    monkeypatch.setattr("vqa_state.models.server.model_names", broken)
+    with pytest.raises(ModelError, match="RuntimeError") as caught:
+        list_models(stub.url)
+    assert "secret" not in str(caught.value)
