@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from vqa_state.errors import ModelError
+from vqa_state.models.base import Failure
 from vqa_state.models.runtime import Runtime
 
-__all__ = ["Parts", "first_line", "load_parts"]
+__all__ = ["Parts", "failure_of", "first_line", "load_parts"]
 
 _TOKENIZER_FILES = ("tokenizer.json", "vocab.txt")
 
@@ -65,6 +66,18 @@ def load_parts(folder: Path, architecture: str, runtime: Runtime) -> Parts:
             "download or copy it again, with all its files"
         )
     return Parts(model.to(str(runtime.device)).eval(), images, tokenizer)
+
+
+def failure_of(error: RuntimeError) -> Failure:
+    """Why a network that was loaded could not answer about one image."""
+    import torch
+
+    if isinstance(error, torch.OutOfMemoryError):
+        return Failure(
+            "the device has no memory left for this image; end other programs that use it, or "
+            "choose the device cpu"
+        )
+    return Failure(f"the model failed at this image ({first_line(error)})")
 
 
 def first_line(error: Exception) -> str:

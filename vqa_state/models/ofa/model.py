@@ -15,6 +15,7 @@ from vqa_state.models.ofa.loading import content_digest, load_network
 from vqa_state.models.ofa.preprocessing import clean_question, to_pixels
 from vqa_state.models.ofa.tokenizer import BOS, EOS, OfaTokenizer
 from vqa_state.models.runtime import Runtime
+from vqa_state.models.torch_loading import failure_of
 from vqa_state.models.turns import Turns, till_stopped
 from vqa_state.models.yes_no import YesNoTokens
 
@@ -25,6 +26,10 @@ __all__ = ["OfaModel"]
 
 #: Changes whenever code changes an answer that the weights' hash does not.
 _VERSION = 1
+
+_Tokens = tuple[int, ...]
+_Batch = Sequence[_Tokens]
+_Outcome = Answer | Failure
 
 #: Questions that go through together; more take memory and save nothing.
 _MAX_QUESTIONS = 8
@@ -108,9 +113,7 @@ class OfaModel:
                     yield Reply(image_number, number, tokens)
             if not batches:
                 continue
-            seen = self._see(image)
-            for batch in batches:
-                found = dict(zip(batch, self._ask(seen, batch), strict=True))
+            for found in self._about(image, batches):
                 for number, tokens in enumerate(read):
                     if not isinstance(tokens, Failure) and tokens in found:
                         yield Reply(image_number, number, found[tokens])
@@ -133,6 +136,18 @@ class OfaModel:
             )
         return tokens
 
+    def _about(self, image: Image, batches: Sequence[_Batch]) -> Iterator[dict[_Tokens, _Outcome]]:
+        """What each batch of questions gets; an image that the network cannot take fails alone."""
+        n_asked = 0
+        try:
+            seen = self._see(image)
+            for batch in batches:
+                yield dict(zip(batch, self._ask(seen, batch), strict=True))
+                n_asked += 1
+        except RuntimeError as error:
+            for batch in batches[n_asked:]:
+                yield dict.fromkeys(batch, failure_of(error))
+
     def _see(self, image: Image) -> "Tensor":
         """What the questions about an image share."""
         import torch
@@ -143,7 +158,7 @@ class OfaModel:
             pixels = pixels.to(weight.device, weight.dtype, memory_format=torch.channels_last)
             return self._network.encoder.see(pixels)
 
-    def _ask(self, seen: "Tensor", questions: Sequence[tuple[int, ...]]) -> list[Answer]:
+    def _ask(self, seen: "Tensor", questions: _Batch) -> list[_Outcome]:
         """Answer questions of one length."""
         import torch
 
@@ -159,13 +174,25 @@ class OfaModel:
             }[self._style.prompt_type]
             said, logits = start(decoder, self._network.encoder(seen, tokens), prompts)
             p_yes = self._yes_no.p_yes(logits)
+            usable = logits.isfinite().all(dim=1)
             if self._answers:
                 scores = best_answer(decoder, said, logits, self._answers)
                 texts = [self._style.answers[number] for number in scores.argmax(dim=1).tolist()]
+                usable &= scores.isfinite().all(dim=1)
             else:
                 found = beam_search(decoder, said, logits, prompts, self._search)
-                texts = [self._tokenizer.decode(answers[0].tokens).strip() for answers in found]
-        return [Answer(text, yes) for text, yes in zip(texts, p_yes, strict=True)]
+                # A search whose numbers overflow on the way finds nothing.
+                texts = [self._text(answers[0].tokens) if answers else None for answers in found]
+        overflow = Failure(
+            f"the model's numbers overflow in {self._runtime.precision}; use float32"
+        )
+        return [
+            overflow if text is None or not is_usable else Answer(text, yes)
+            for text, yes, is_usable in zip(texts, p_yes, usable.tolist(), strict=True)
+        ]
+
+    def _text(self, tokens: _Tokens) -> str:
+        return self._tokenizer.decode(tokens).strip()
 
     def _spoken(self) -> list[str]:
         """The given answers as the decoder says them: after a space."""
