@@ -1,9 +1,11 @@
 """Servers that send what no server should: the run goes on, and an error repeats none of it."""
 
+import re
+
 import openai  # noqa: F401 - now, for it takes seconds
 import pytest
 from server_cases import QUICK, answers, error, model_of, only_bad, outcomes
-from stub_server import Stub, good
+from stub_server import Stub, completion, good
 
 from vqa_state.answers import Answer
 from vqa_state.asking import ask, plan
@@ -105,3 +107,83 @@ def test_a_list_that_breaks_the_client_is_explained(stub, monkeypatch):
     with pytest.raises(ModelError, match="RuntimeError") as caught:
         list_models(stub.url)
     assert "secret" not in str(caught.value)
+
+
+# Success by its status, an error by its words
+
+
+@pytest.mark.parametrize(
+    ("body", "says", "n_tries"),
+    [
+        ({"error": {"message": "insufficient credits"}}, "insufficient credits", 1),
+        ({"error": "Unexpected endpoint"}, "Unexpected endpoint", 1),
+        ({"object": "error", "message": "no such adapter"}, "no such adapter", 1),
+        ({"error": {"message": "insufficient credits", "code": 402}}, "402: insufficient", 1),
+        ({"error": {"message": "slow down", "code": 429}}, r"too many .*429: slow down", 3),
+        ({"error": {"message": "upstream", "code": "502"}}, "502: upstream", 3),
+        ({"error": {"message": "odd", "code": "invalid_x"}}, "odd", 1),
+        ({"error": {"message": "odd", "code": True}}, "odd", 1),
+        ({"choices": [], "error": {"message": "no room"}}, "no room", 1),
+        ({"choices": [{"error": {"code": 502, "message": "cut"}}]}, "502: cut", 3),
+        ({"choices": [{"message": {"content": None, "refusal": "I cannot"}}]}, "I cannot", 1),
+        (completion(None, finish_reason="content_filter"), "filter", 1),
+        ({"error": None, "choices": []}, "no choices", 3),
+    ],
+)
+def test_what_a_server_says_of_a_failure_is_shown(stub, body, says, n_tries):
+    stub.script = only_bad(answers(body))
+    found = outcomes(model_of(stub), ["good", "bad", "fine"])
+    assert re.search(says, found[0, "bad"].reason), found[0, "bad"].reason
+    assert found[0, "good"] == found[0, "fine"] == Answer("Yes.")
+    assert sum(call.question.startswith("bad") for call in stub.calls) == n_tries
+
+
+def test_a_code_that_stands_in_the_body_is_heeded_like_a_status(stub):
+    stub.script = answers({"error": {"message": f"bad key {'x' * 9}", "code": 401}})
+    found = outcomes(model_of(stub), [f"q{n}" for n in range(50)])
+    assert "wants a key (401)" in found[0, "q0"].reason
+    assert len(stub.calls) < 5
+
+
+@pytest.mark.parametrize(
+    ("parts", "text"),
+    [
+        ([{"type": "text", "text": "Yes."}], "Yes."),
+        ([{"type": "text", "text": "Yes, "}, {"type": "text", "text": "open."}], "Yes, open."),
+        ([{"type": "thinking", "text": "Hm"}, {"type": "output_text", "text": "No."}], "No."),
+        ([{"text": "Yes."}, 7, None, {"type": "text", "text": 5}], "Yes."),
+    ],
+)
+def test_an_answer_in_parts_is_joined(stub, parts, text):
+    stub.script = answers(completion(parts))
+    assert outcomes(model_of(stub), ["q"])[0, "q"] == Answer(text)
+
+
+@pytest.mark.parametrize("parts", [[], ["yes"], [{"type": "image"}], [[]], {"text": "Yes."}])
+def test_parts_without_a_text_are_no_answer(stub, parts):
+    stub.script = answers(completion(parts))
+    assert "empty answer" in outcomes(model_of(stub), ["q"])[0, "q"].reason
+
+
+# Names of models
+
+NAMES = ["hf-internal-testing/tiny", "sk-learn/key-value-net", "a  b", "/models/" + "x" * 300]
+
+
+def test_models_are_listed_by_the_very_names_that_they_are_asked_by(stub):
+    stub.script = answers({"data": [{"id": name} for name in NAMES]})
+    assert list_models(stub.url) == tuple(NAMES)
+
+
+def test_a_name_that_no_address_can_hold_or_that_shows_the_key_is_left_out(stub, monkeypatch):
+    monkeypatch.setenv("VQA_STATE_KEYS", f"127.0.0.1:{stub.port}=Zq7-topsecret")
+    strange = ["a\x1b[31m", "b\u202ec", "c\nd", "e\ud800", "f" * 2000, "g zq7-TOPSECRET", " ", "\t"]
+    stub.script = answers({"data": [{"id": name} for name in [*strange, "fine"]]})
+    assert list_models(stub.url) == ("fine",)
+
+
+def test_an_error_names_the_model_as_it_is_called(stub):
+    stub.script = error(404, "no model hf-internal-testing/tiny; hf_abcdefgh12 is no key")
+    reason = outcomes(model_of(stub, model="hf-internal-testing/tiny"), ["q"])[0, "q"].reason
+    assert reason.count("hf-internal-testing/tiny") == 2
+    assert "hf_abcdefgh12" not in reason

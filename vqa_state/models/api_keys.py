@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from vqa_state.errors import ModelError
 from vqa_state.models.server_url import ServerURL
 
-__all__ = ["ApiKey", "key_for", "without_keys"]
+__all__ = ["ApiKey", "key_for", "plain_text", "without_keys"]
 
 _VARIABLE = "VQA_STATE_KEYS"
 _OPENAI_HOST = "api.openai.com"
@@ -23,7 +23,7 @@ _OPENAI_HOST = "api.openai.com"
 _USABLE = re.compile(r"[\x21-\x7e]+")
 
 #: What looks like a key, whoever it belongs to; servers like to repeat parts of one.
-_LOOKS_LIKE_A_KEY = re.compile(r"(?i)\bbearer\s+\S+|\b(?:sk|hf|gsk|xai|key|pk)[-_][\w.*-]{4,}")
+_LOOKS_LIKE_A_KEY = re.compile(r"(?i)\bbearer\s+\S+|\b(?:(?:sk|gsk|xai|key|pk)[-_]|hf_)[\w.*-]{4,}")
 
 
 class ApiKey:
@@ -74,15 +74,21 @@ def without_keys(text: str, key: ApiKey | None = None, longest: int = 200) -> st
         key: the one that it was sent.
         longest: characters that are left, at most.
     """
+    shown = plain_text(text, key)  # before anything is cut: half a key is still a secret
+    shown = " ".join(_LOOKS_LIKE_A_KEY.sub("[key]", shown).split())
+    return shown if len(shown) <= longest else shown[: longest - 1] + "…"
+
+
+def plain_text(text: str, key: ApiKey | None = None) -> str:
+    """A foreign text in one line, without control characters and without the key."""
     shown = "".join(
         " " if character.isspace() else character
         for character in text
         if character.isspace() or not unicodedata.category(character).startswith("C")
     )
-    if key is not None:  # before anything is cut: half a key is still a secret
-        shown = re.sub(re.escape(key.reveal()), "[key]", shown, flags=re.IGNORECASE)
-    shown = " ".join(_LOOKS_LIKE_A_KEY.sub("[key]", shown).split())
-    return shown if len(shown) <= longest else shown[: longest - 1] + "…"
+    if key is None:
+        return shown
+    return re.sub(re.escape(key.reveal()), "[key]", shown, flags=re.IGNORECASE)
 
 
 def _keys(environment: Mapping[str, str]) -> dict[tuple[str, int | None], str]:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from PIL import Image
 
 from vqa_state.errors import ModelError
-from vqa_state.models.api_keys import ApiKey, key_for, without_keys
+from vqa_state.models.api_keys import ApiKey, key_for, plain_text
 from vqa_state.models.base import Reply
 from vqa_state.models.loop_thread import LoopThread
 from vqa_state.models.server_asking import MAX_SIDE, MIN_SIDE, Asking
@@ -40,6 +40,9 @@ _LOOK = 0.1
 
 #: Seconds that `list_models` takes at most.
 _LIST_SECONDS = 15.0
+
+#: Characters of a model's name.
+_LONGEST_NAME = 1000
 
 
 class ServerModel:
@@ -156,7 +159,9 @@ class ServerModel:
 
 
 def list_models(url: str) -> tuple[str, ...]:
-    """The names of the models that a server offers, in its order.
+    """The names of the models that a server offers, in its order, each as it is asked for.
+
+    A name that no address could hold or that shows the key is left out.
 
     Args:
         url: where it answers, such as http://127.0.0.1:8000/v1.
@@ -173,7 +178,11 @@ def list_models(url: str) -> tuple[str, ...]:
     listed = thread.result()
     if isinstance(listed, Fault):
         raise ModelError(listed.sentence)
-    return tuple(without_keys(name, key) for name in listed)
+    return tuple(
+        name
+        for name in listed
+        if name.strip() and len(name) <= _LONGEST_NAME and plain_text(name, key) == name
+    )
 
 
 async def _list(url: ServerURL, key: ApiKey | None) -> tuple[str, ...] | Fault:

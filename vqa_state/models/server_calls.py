@@ -185,7 +185,8 @@ class Caller:
             return status_fault(error, self._url, self._model, self._key)
         except openai.APIConnectionError as error:
             return connection_fault(error, self._url)
-        return read_reply(response.content.decode("utf-8", "replace"), self._url, self._key)
+        reply = response.content.decode("utf-8", "replace")
+        return read_reply(reply, self._url, self._key, self._model)
 
     def _learn(self, dialect: _Dialect) -> None:
         self._dialect, self._is_dialect_known = dialect, True

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Fault",
     "Reach",
+    "body_fault",
     "connection_fault",
     "not_understood",
     "retry_after",
@@ -84,10 +85,33 @@ def status_fault(error: "APIStatusError", url: ServerURL, model: str, key: ApiKe
         model: that was asked, or "" for a call that needs none.
         key: that the server was sent.
     """
-    status = error.status_code
-    said = without_keys(_message(error.body), key)
-    quoted = f"{status}: {said}" if said else f"{status}"
     wait = retry_after(error.response.headers.get("retry-after"))
+    return _status_fault(
+        error.status_code, without_keys(_message(error.body), key), url, model, key, wait
+    )
+
+
+def body_fault(body: dict[str, Any], url: ServerURL, model: str, key: ApiKey | None) -> Fault:
+    """Success by its status, and an error by its words; a code among them counts as the status."""
+    said = without_keys(_message(body), key)
+    status = _code(body)
+    if status:
+        return _status_fault(status, said, url, model, key)
+    if not said:
+        return Fault(f"{url} sent no answer (no choices)", Reach.PASSING)
+    sentence = f"{url} sent an error instead of an answer ({said}){_v1_hint(url)}"
+    return Fault(sentence, Reach.ANSWER, said=said)
+
+
+def _status_fault(
+    status: int,
+    said: str,
+    url: ServerURL,
+    model: str,
+    key: ApiKey | None,
+    wait: float | None = None,
+) -> Fault:
+    quoted = f"{status}: {said}" if said else f"{status}"
     reach, sentence = Reach.ANSWER, f"{url} did not accept the question ({quoted})"
     if status in (401, 403):  # what it says here often repeats a part of the key
         reach, sentence = Reach.ALL, _about_keys(url, status, key)
@@ -170,6 +194,17 @@ def _message(body: Any) -> str:
         body = next((body[name] for name in ("error", "message", "detail") if body.get(name)), "")
     text = body if isinstance(body, str) else "" if body is None else repr(body)
     return "a web page instead of an answer" if text.lstrip()[:1] == "<" else text[:20_000]
+
+
+def _code(body: dict[str, Any]) -> int:
+    """An HTTP status that stands in an error's body; 0 if none does."""
+    inner = body.get("error")
+    places = (inner if isinstance(inner, dict) else {}, body)
+    for value in (place.get(name) for place in places for name in ("code", "status")):
+        digits = str(value) if isinstance(value, int | str) else ""
+        if len(digits) == 3 and digits.isascii() and digits.isdigit() and digits[0] in "45":
+            return int(digits)
+    return 0
 
 
 def _causes(error: BaseException) -> Iterator[BaseException]:

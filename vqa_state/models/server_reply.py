@@ -5,8 +5,8 @@ import math
 from typing import Any
 
 from vqa_state.answers import Answer
-from vqa_state.models.api_keys import ApiKey
-from vqa_state.models.server_faults import Fault, Reach, not_understood
+from vqa_state.models.api_keys import ApiKey, without_keys
+from vqa_state.models.server_faults import Fault, Reach, body_fault, not_understood
 from vqa_state.models.server_url import ServerURL
 
 __all__ = ["model_names", "p_yes", "read_reply"]
@@ -21,25 +21,28 @@ _SPACES = " \t\n▁Ġ"
 _UNSEEN = 0.02
 
 
-def read_reply(body: str, url: ServerURL, key: ApiKey | None = None) -> Answer | Fault:
+def read_reply(
+    body: str, url: ServerURL, key: ApiKey | None = None, model: str = ""
+) -> Answer | Fault:
     """The answer in a body of chat completions, or what is wrong with it.
 
     Args:
         body: as it came.
         url: for the sentences.
         key: that the server was sent; should it say it, the answer that is stored does not.
+        model: that was asked, for the sentences.
     """
     content = _object(body)
     if content is None:
         page = body.lstrip()[:1] == "<"
         return not_understood(url, "a web page") if page else not_understood(url)
     choice = _first(content.get("choices"))
-    if choice is None:
-        return Fault(f"{url} sent no answer (no choices)", Reach.PASSING)
+    if choice is None or choice.get("error"):
+        return body_fault(choice or content, url, model, key)
     message = choice.get("message")
-    text = message.get("content") if isinstance(message, dict) else None
-    if not isinstance(text, str) or not text.strip():
-        return Fault(_about_nothing(url, choice), Reach.ANSWER)
+    text = _text(message.get("content")) if isinstance(message, dict) else ""
+    if not text.strip():
+        return Fault(_about_nothing(url, choice, key), Reach.ANSWER)
     said = text if key is None else text.replace(key.reveal(), "[key]")
     return Answer(said[:_LONGEST], p_yes(choice.get("logprobs"), text))
 
@@ -95,7 +98,25 @@ def _first(rows: Any) -> dict[str, Any] | None:
     return rows[0] if isinstance(rows, list) and rows and isinstance(rows[0], dict) else None
 
 
-def _about_nothing(url: ServerURL, choice: dict[str, Any]) -> str:
+def _text(content: Any) -> str:
+    """Of a message: one text, or parts of which some are texts of the answer."""
+    if isinstance(content, str):
+        return content
+    parts = (
+        [part for part in content if isinstance(part, dict)] if isinstance(content, list) else []
+    )
+    spoken = [part for part in parts if part.get("type", "text") in ("text", "output_text")]
+    texts = [part.get("text") for part in spoken]
+    return "".join(text for text in texts if isinstance(text, str))
+
+
+def _about_nothing(url: ServerURL, choice: dict[str, Any], key: ApiKey | None) -> str:
+    message = choice.get("message")
+    refusal = message.get("refusal") if isinstance(message, dict) else None
+    if isinstance(refusal, str) and refusal.strip():
+        return f"the model refused to answer ({without_keys(refusal, key)}; {url})"
+    if choice.get("finish_reason") == "content_filter":
+        return f"the server's filter held the answer back ({url})"
     if choice.get("finish_reason") == "length":
         return (
             f"the server gave an empty answer ({url}); it thinks before it answers and had no "
