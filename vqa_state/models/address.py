@@ -22,7 +22,11 @@ __all__ = ["MAX_ADDRESS", "Device", "ModelAddress", "Precision", "Source"]
 #: Characters of an address.
 MAX_ADDRESS = 4000
 
-_HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
+#: As the hub has it: no "." or "-" at an end, none of the two twice, and no name of a git folder.
+_HUB_NAME = re.compile(
+    r"(?!.*(--|\.\.))(?!.*\.git$)[A-Za-z0-9]([\w.-]{0,94}\w)?/[A-Za-z0-9]([\w.-]{0,94}\w)?",
+    re.ASCII,
+)
 _REVISION = re.compile(r"\w[\w.-]{0,99}")
 _SETTINGS = ("device", "precision", "prompt")
 
@@ -80,12 +84,12 @@ class ModelAddress:
     def __post_init__(self) -> None:
         if self.source is Source.HUB and not _HUB_NAME.fullmatch(self.where):
             raise ModelError(
-                f"{self.where!r} is no name of a hub model; it looks like OWNER/NAME, for example "
-                "Salesforce/blip-vqa-base"
+                f"{_shown(self.where, ':@')} is no name of a hub model; it looks like OWNER/NAME, "
+                "for example Salesforce/blip-vqa-base"
             )
         if self.revision and not (self.source is Source.HUB and _REVISION.fullmatch(self.revision)):
-            raise ModelError(f"{self.revision!r} is no revision of a hub model")
-        if self.source is Source.FOLDER and not self.where:
+            raise ModelError(f"{_shown(self.revision, '@')} is no revision of a hub model")
+        if self.source is Source.FOLDER and (not self.where or "://" in self.where):
             raise ModelError("name the model's folder: folder:/path/to/model")
         if self.source is Source.SERVER:
             _check_server(self.where, self.model)
@@ -93,7 +97,13 @@ class ModelAddress:
             raise ModelError(
                 f"the prompt {self.prompt!r} must hold {{question}} once, where the question goes"
             )
-        if len(str(self)) > MAX_ADDRESS:
+        try:
+            length = len(str(self))
+        except UnicodeEncodeError as error:
+            raise ModelError(
+                f"{self.where!r} has a character that cannot be written; give it another name"
+            ) from error
+        if length > MAX_ADDRESS:
             raise ModelError(f"a model's address has at most {MAX_ADDRESS} characters")
 
     def __str__(self) -> str:
@@ -114,20 +124,24 @@ class ModelAddress:
         kind, colon, rest = text.strip().partition(":")
         if not colon or kind not in {source.value for source in Source}:
             raise ModelError(
-                f"{text!r} is no address of a model; write hub:OWNER/NAME, folder:/path/to/model "
-                "or server:http://host:port/v1#MODEL"
+                f"{_shown(text, '@?=')} is no address of a model; write hub:OWNER/NAME, "
+                "folder:/path/to/model or server:http://host:port/v1#MODEL"
             )
         source = Source(kind)
-        rest, _, model = rest.partition("#")
-        rest, _, query = rest.partition("?")
+        if source is Source.FOLDER:
+            model, (rest, query) = "", _folder_and_settings(rest)
+        else:
+            rest, _, model = rest.partition("#")
+            rest, _, query = rest.partition("?")
         revision = ""
         if source is Source.HUB:
             rest, _, revision = rest.partition("@")
-        settings = dict(parse_qsl(query))
+        settings = dict(parse_qsl(query, keep_blank_values=True))
         strange = set(settings) - set(_SETTINGS)
         if strange:
             raise ModelError(
-                f"{sorted(strange)[0]!r} is no setting of a model; allowed: {', '.join(_SETTINGS)}"
+                f"{_shown(sorted(strange)[0], '@', text)} is no setting of a model; allowed: "
+                f"{', '.join(_SETTINGS)}"
             )
         return cls(
             source,
@@ -138,6 +152,12 @@ class ModelAddress:
             _choice(Precision, settings.get("precision", "auto")),
             settings.get("prompt", ""),
         )
+
+
+def _folder_and_settings(text: str) -> tuple[str, str]:
+    """Cut where settings begin. The name of a folder may hold "#" and "?", too."""
+    mark = re.search(r"\?(?=\w+=)", text)
+    return (text[: mark.start()], text[mark.end() :]) if mark else (text, "")
 
 
 _Kind = TypeVar("_Kind", Device, Precision)
@@ -151,17 +171,27 @@ def _choice(kind: type[_Kind], text: str) -> _Kind:
         raise ModelError(f"{text!r} is no {kind.__name__.lower()}; allowed: {allowed}") from error
 
 
+def _shown(part: str, marks: str, whole: str = "") -> str:
+    """A part of an address as an error may repeat it: not where a mark tells of a password."""
+    if set(marks) & set(unquote(whole or part)):
+        return "this (not repeated, for it may hold a password)"
+    return repr(part)
+
+
 def _check_server(url: str, model: str) -> None:
+    """The URL is never repeated: half a password may stand in what was taken for one."""
     try:
         parts = urlsplit(url)
         usable = parts.scheme in ("http", "https") and bool(parts.hostname)
         _ = parts.port  # raises for a port that is none
     except ValueError:
         usable = False
-    if not usable or parts.username or parts.password:
+    if not usable or "@" in url:
         raise ModelError(
-            f"{url!r} is no address of a server; it looks like http://127.0.0.1:8000/v1, without "
-            "a user or a key in it"
+            "this is no address of a server; it looks like http://127.0.0.1:8000/v1, without a "
+            "user or a key in it"
         )
     if not model:
-        raise ModelError(f"say which model {url} shall use: server:{url}#MODEL")
+        raise ModelError(
+            "say which model the server shall use, as in server:http://127.0.0.1:8000/v1#MODEL"
+        )

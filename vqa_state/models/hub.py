@@ -157,7 +157,7 @@ def _size(folder: Path, total: int) -> int:
 
 def _snapshot(address: ModelAddress) -> Path | None:
     from huggingface_hub import snapshot_download
-    from huggingface_hub.errors import LocalEntryNotFoundError
+    from huggingface_hub.errors import HFValidationError, LocalEntryNotFoundError
 
     try:
         found = snapshot_download(
@@ -165,5 +165,7 @@ def _snapshot(address: ModelAddress) -> Path | None:
         )
     except LocalEntryNotFoundError:
         return None
+    except HFValidationError as error:
+        raise ModelError(f"{address.where!r} is no name of a hub model ({error})") from error
     folder = Path(found)
     return folder if (folder / "config.json").is_file() else None

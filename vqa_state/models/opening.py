@@ -71,10 +71,15 @@ def folder_of(address: ModelAddress) -> Path:
     """
     if address.source is Source.HUB:
         return cached_folder(address)
-    folder = Path(address.where).expanduser()
-    if not folder.is_dir():
+    try:
+        folder = Path(address.where).expanduser()
+        is_there = folder.is_dir()
+    except (OSError, RuntimeError):  # a name that is too long, the home of a user that is none
+        folder, is_there = Path(address.where), False
+    if not is_there:
         raise ModelError(
-            f"there is no folder {folder}; copy the model there, or name the folder that holds it"
+            f"there is no folder {str(folder)[:200]}; copy the model there, or name the folder "
+            "that holds it"
         )
     return folder
 
