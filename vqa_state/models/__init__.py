@@ -5,7 +5,7 @@ from importlib import import_module
 
 from vqa_state.errors import MissingPackageError, UnknownModelError
 from vqa_state.models.address import ModelAddress
-from vqa_state.models.approval import approve, check_approved
+from vqa_state.models.approval import approve, check_approved, from_anywhere
 from vqa_state.models.base import Failure, Reply, VQAModel
 
 __all__ = ["Factory", "Failure", "Reply", "VQAModel", "choose", "create", "names", "register"]
@@ -43,6 +43,7 @@ def choose(name: str) -> str:
     address = _parsed(name)
     if address is None:
         return name
+    address = from_anywhere(address)
     approve(address)
     return str(address)
 

@@ -6,15 +6,24 @@ only after the user said so: by typing it, by choosing it in the app, or by `mod
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from platformdirs import user_data_path
 
 from vqa_state.errors import ModelError, NotApprovedError
 from vqa_state.files import write_atomically
-from vqa_state.models.address import ModelAddress
+from vqa_state.models.address import ModelAddress, Source
 
-__all__ = ["approve", "approved", "check_approved", "data_folder", "is_approved", "withdraw"]
+__all__ = [
+    "approve",
+    "approved",
+    "check_approved",
+    "data_folder",
+    "from_anywhere",
+    "is_approved",
+    "withdraw",
+]
 
 
 def data_folder() -> Path:
@@ -68,8 +77,15 @@ def check_approved(address: ModelAddress) -> None:
         raise NotApprovedError(str(address), _plain(address))
 
 
+def from_anywhere(address: ModelAddress) -> ModelAddress:
+    """The same model, named so that it is the same one in whatever folder the program starts."""
+    if address.source is not Source.FOLDER or address.where.startswith("~"):
+        return address
+    return replace(address, where=str(Path(address.where).absolute()))
+
+
 def _plain(address: ModelAddress) -> str:
-    return str(ModelAddress(address.source, address.where, address.model))
+    return str(from_anywhere(ModelAddress(address.source, address.where, address.model)))
 
 
 def _file() -> Path:
