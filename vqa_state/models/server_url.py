@@ -10,7 +10,7 @@ from vqa_state.errors import ModelError
 __all__ = ["ServerURL"]
 
 _HOST = re.compile(r"[a-z0-9]([a-z0-9._-]*[a-z0-9])?")
-_PATH = re.compile(r"(/[A-Za-z0-9._~@:+=-]+)*")
+_PATH = re.compile(r"(/[A-Za-z0-9._~:+=-]+)*")
 _PORTS = {"http": 80, "https": 443}
 
 
