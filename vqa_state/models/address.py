@@ -22,7 +22,11 @@ __all__ = ["MAX_ADDRESS", "Device", "ModelAddress", "Precision", "Source"]
 #: Characters of an address.
 MAX_ADDRESS = 4000
 
-_HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
+#: As the hub has it: no "." or "-" at an end, none of the two twice, and no name of a git folder.
+_HUB_NAME = re.compile(
+    r"(?!.*(--|\.\.))(?!.*\.git$)[A-Za-z0-9]([\w.-]{0,94}\w)?/[A-Za-z0-9]([\w.-]{0,94}\w)?",
+    re.ASCII,
+)
 _REVISION = re.compile(r"\w[\w.-]{0,99}")
 _SETTINGS = ("device", "precision", "prompt")
 
@@ -93,7 +97,13 @@ class ModelAddress:
             raise ModelError(
                 f"the prompt {self.prompt!r} must hold {{question}} once, where the question goes"
             )
-        if len(str(self)) > MAX_ADDRESS:
+        try:
+            length = len(str(self))
+        except UnicodeEncodeError as error:
+            raise ModelError(
+                f"{self.where!r} has a character that cannot be written; give it another name"
+            ) from error
+        if length > MAX_ADDRESS:
             raise ModelError(f"a model's address has at most {MAX_ADDRESS} characters")
 
     def __str__(self) -> str:
@@ -118,8 +128,11 @@ class ModelAddress:
                 "folder:/path/to/model or server:http://host:port/v1#MODEL"
             )
         source = Source(kind)
-        rest, _, model = rest.partition("#")
-        rest, _, query = rest.partition("?")
+        if source is Source.FOLDER:
+            model, (rest, query) = "", _folder_and_settings(rest)
+        else:
+            rest, _, model = rest.partition("#")
+            rest, _, query = rest.partition("?")
         revision = ""
         if source is Source.HUB:
             rest, _, revision = rest.partition("@")
@@ -139,6 +152,12 @@ class ModelAddress:
             _choice(Precision, settings.get("precision", "auto")),
             settings.get("prompt", ""),
         )
+
+
+def _folder_and_settings(text: str) -> tuple[str, str]:
+    """Cut where settings begin. The name of a folder may hold "#" and "?", too."""
+    mark = re.search(r"\?(?=\w+=)", text)
+    return (text[: mark.start()], text[mark.end() :]) if mark else (text, "")
 
 
 _Kind = TypeVar("_Kind", Device, Precision)
