@@ -244,8 +244,11 @@ class Recognizer(Record):
         if model.fingerprint != self.model.fingerprint:
             raise RecognizerError(
                 f"these questions were chosen for {self.model.fingerprint!r}, but the model here "
-                f"is {model.fingerprint!r}; which questions work depends on the model: see what is "
-                "lost with `python -m vqa_state recheck`, or optimize again with this one"
+                f"is {model.fingerprint!r}. If it is the same model elsewhere, or on another device "
+                "or at another precision, name it as it was: `python -m vqa_state recognize --model "
+                "ADDRESS`, with ?device=DEVICE&precision=PRECISION at the end of the address. "
+                "Otherwise see what is lost with `python -m vqa_state recheck`, or optimize again: "
+                "which questions work depends on the model"
             )
 
     def votes(

@@ -127,7 +127,8 @@ class _Learner:
     def step(self, batch: Batch, memory: Memory) -> StepReport:
         """Learn from one batch whose images have been seen."""
         read = self.network.read(batch.buckets)
-        slots = read[batch.asked].unflatten(1, (N_VIEWS, -1))
+        asked = read.index_select(0, batch.asked.flatten())  # its gradient is added in one order
+        slots = asked.unflatten(0, tuple(batch.asked.shape)).unflatten(1, (N_VIEWS, -1))
         logits = self.network.answer(memory, slots).flatten(0, 2)
         targets = batch.targets.flatten()
         loss = functional.cross_entropy(
