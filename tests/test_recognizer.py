@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pictures import draw, encode
 from PIL import Image
+from pydantic import ValidationError
 
 from vqa_state.answers import Answer
 from vqa_state.augment import AugmentationKind
@@ -211,6 +212,15 @@ def changed(**changes) -> bytes:
 def test_bad_files_are_refused_with_a_sentence(data, sentence):
     with pytest.raises(RecognizerError, match=sentence):
         read_recognizer(data, "r.json")
+
+
+def test_questions_are_asked_as_a_project_asks_them():
+    """Else answers to them would never be found in a store."""
+    assert WeightedQuestion(text=" Is  the door\topen?", yes_means=1).text == "Is the door open?"
+    with pytest.raises(ValidationError, match="control characters"):
+        WeightedQuestion(text="Is it\x00 open?", yes_means=1)
+    with pytest.raises(ValidationError, match="is empty"):
+        WeightedQuestion(text="   ", yes_means=1)
 
 
 def test_missing_file(tmp_path):

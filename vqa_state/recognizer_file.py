@@ -8,11 +8,12 @@ import hashlib
 import json
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from vqa_state.augment import MAX_COPIES, AugmentationKind
-from vqa_state.errors import RecognizerError
+from vqa_state.errors import QuestionError, RecognizerError
 from vqa_state.models.address import MAX_ADDRESS
+from vqa_state.questions import clean_text
 from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
@@ -68,6 +69,14 @@ class Copies(Record):
     seed: Annotated[int, Field(ge=0)]
 
 
+def _cleaned(text: str) -> str:
+    """As a project asks it, so that answers are found again; pydantic names the place."""
+    try:
+        return clean_text(text, "a question", 300)
+    except QuestionError as error:
+        raise ValueError(str(error)) from error
+
+
 class WeightedQuestion(Record):
     """A question, the state that "yes" counts for, and what its answers weigh in the vote.
 
@@ -75,7 +84,7 @@ class WeightedQuestion(Record):
     "yes" then says the opposite, as the training images showed.
     """
 
-    text: Annotated[str, Field(min_length=1, max_length=300)]
+    text: Annotated[str, Field(min_length=1, max_length=300), AfterValidator(_cleaned)]
     yes_means: Literal[-1, 1]
     weight: Annotated[int, Field(ge=1, le=MAX_WEIGHT)] = 1
 
