@@ -21,6 +21,14 @@ def say_yes(image, question):
     return Answer("Yes", 1.0)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _nobodys_home(tmp_path_factory):
+    """No test reads or changes what the person at this machine has allowed or looked at."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("VQA_STATE_HOME", str(tmp_path_factory.mktemp("nobody's home")))
+        yield
+
+
 @pytest.fixture
 def make_project(tmp_path):
     """Factory: a saved project "door" with open and closed pictures on both sides.

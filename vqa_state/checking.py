@@ -1,69 +1,37 @@
 """Before a run on a new model: does it see the image at all, and how long will the run take?
 
 A server that drops the image answers everything, fluently, and knows nothing; it is the commonest
-silent fault. So the model is shown three things in both states and a blank picture. One that says
-the same about all of them, whatever is asked, does not see.
+silent fault. So a model is looked at (`models.sight`) before its first run on this machine.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from enum import StrEnum
-from pathlib import Path
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, field
 
-import psutil
 from PIL import Image
 
 from vqa_state.answers import Answer
 from vqa_state.asking import AskPlan
 from vqa_state.errors import ModelError
 from vqa_state.models.base import Failure, VQAModel
+from vqa_state.models.known import KnownModel, known_model, remember
+from vqa_state.models.memory import Memory
+from vqa_state.models.sight import (
+    N_CALLS,
+    PROBES,
+    Said,
+    Sight,
+    is_clear,
+    replies_until,
+    sight_of,
+)
 
-__all__ = ["PROBES", "CheckProgress", "ModelCheck", "Pace", "Probe", "Sight", "check_model"]
-
-_FOLDER = Path(__file__).with_name("probe_pictures")
-
-#: Two answers with the same text differ if their p_yes differ by more.
-_SAME = 0.001
+__all__ = ["CheckProgress", "ModelCheck", "Pace", "check_model", "first_look"]
 
 #: Questions of the two timed calls; what they take gives the price of an image and of a question.
 _FEW, _MANY = 4, 16
 
 _TIMED = tuple(f"Is the door number {number} open?" for number in range(_FEW + _MANY))
-
-
-@dataclass(frozen=True, slots=True)
-class Probe:
-    """A thing in both states, and what is asked about it."""
-
-    name: str
-    questions: tuple[str, str]
-
-    def pictures(self) -> tuple[Image.Image, Image.Image]:
-        """Positive and negative, 256 x 256 RGB; rendered, they are part of the package."""
-        names = (f"{self.name}_positive.jpg", f"{self.name}_negative.jpg")
-        opened = [Image.open(_FOLDER / name).convert("RGB") for name in names]
-        return opened[0], opened[1]
-
-
-PROBES = (
-    Probe("light", ("Is the light on?", "Does this image look like the light is off?")),
-    Probe("door", ("Is the door open?", "Does this image look like the door is closed?")),
-    Probe("display", ("Is the display on?", "Does this image look like the display is off?")),
-)
-
-
-class Sight(StrEnum):
-    """What the probe found."""
-
-    TELLS = "tells"
-    """It says different things about the two states of at least one thing."""
-    SEES = "sees"
-    """It says the same about both states, but something else about a blank picture."""
-    BLIND = "blind"
-    """It says the same whatever the picture."""
-    SILENT = "silent"
-    """It gave no answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,23 +56,29 @@ class ModelCheck:
     Attributes:
         name, fingerprint, notes: see `VQAModel`.
         sight: whether it sees.
-        pace: what asking takes; None if it gave no answer.
-        megabytes: memory of this process with the model in it.
-        failure: why calls failed; "" if none did.
+        pace: what asking takes; None if that was not measured or calls failed.
+        memory: of this process with the model in it; None if it was not measured now.
+        n_calls, n_failed: calls made, and those of them that gave no answer.
+        failure: why the last one failed; "" if none did.
     """
 
     name: str
     fingerprint: str
     notes: tuple[str, ...]
     sight: Sight
-    pace: Pace | None
-    megabytes: int
+    pace: Pace | None = None
+    memory: Memory | None = None
+    n_calls: int = 0
+    n_failed: int = 0
     failure: str = ""
 
     @property
     def sentence(self) -> str:
-        """What the probe found, for the user."""
-        return {
+        """What was found, for the user."""
+        if self.sight is Sight.SILENT:
+            few = "no answer" if self.n_failed == self.n_calls else "too few answers to say more"
+            return f"It gave {few}: {self.failure or 'no reply came'}."
+        found = {
             Sight.TELLS: "It sees: it tells the states of the pictures that it was shown apart.",
             Sight.SEES: (
                 "It sees, but it said the same about both states of everything that it was shown; "
@@ -115,8 +89,15 @@ class ModelCheck:
                 "drop the image, or the model cannot see; try another model before you pay for "
                 "a run."
             ),
-            Sight.SILENT: f"It gave no answer: {self.failure or 'no reply came'}.",
         }[self.sight]
+        if not self.n_failed:
+            return found
+        return f"{found} {self.n_failed} of {self.n_calls} calls failed: {self.failure}."
+
+    @property
+    def warns(self) -> bool:
+        """Whether the user should read it before a run."""
+        return self.sight is not Sight.TELLS or self.n_failed > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,94 +112,127 @@ class CheckProgress:
 def check_model(
     model: VQAModel, stop: Callable[[], bool] = lambda: False
 ) -> Iterator[CheckProgress]:
-    """Show it the pictures, then time it.
+    """Show it all pictures, then time it; what is found is kept for this machine.
 
     Yields:
-        A report after every thing shown, and a last one with the result; fewer after a stop.
+        A report after every call, and a last one with the result; fewer after a stop, which ends
+        it within a call where the model can.
     """
-    n_total = len(PROBES) * 6 + len(_TIMED) + _FEW
-    n_done, said, failures = 0, [], []
-    for probe in PROBES:
-        answers, failed = _shown(model, probe)
-        said.append(answers)
-        failures += failed
-        n_done += 6
-        yield CheckProgress(n_done, n_total)
-        if stop():
-            return
+    run = _Run(model, stop, N_CALLS + len(_TIMED))
+    said = yield from _shown(run, whole=True)
+    sight = sight_of(said)
     pace = None
-    sight = _sight(said)
-    if sight is not Sight.SILENT:
-        pace = _pace(model)
-    yield CheckProgress(
-        n_total,
-        n_total,
-        ModelCheck(
-            model.name,
-            model.fingerprint,
-            tuple(model.notes),
-            sight,
-            pace,
-            psutil.Process().memory_info().rss // 1_000_000,
-            failures[-1] if failures else "",
-        ),
-    )
+    if sight is not Sight.SILENT and not stop():
+        pace = yield from _pace(run)
+    if not stop():
+        yield _ended(run, sight, pace)
 
 
-#: Answers by (picture, question): pictures are positive, negative, blank.
-_Answers = dict[tuple[int, int], Answer]
+def first_look(
+    model: VQAModel, stop: Callable[[], bool] = lambda: False
+) -> Iterator[CheckProgress]:
+    """Whether a model sees: asked of it once on this machine, then known. Nothing is timed.
+
+    It ends at the first thing that the model gets all right.
+
+    Yields:
+        A report after every call, and a last one with the result; fewer after a stop.
+    """
+    known = known_model(model.fingerprint)
+    if known is not None and known.sight is not None:
+        found = ModelCheck(model.name, model.fingerprint, tuple(model.notes), known.sight)
+        yield CheckProgress(0, 0, found)
+        return
+    run = _Run(model, stop, N_CALLS)
+    said = yield from _shown(run, whole=False)
+    if not stop():
+        yield _ended(run, sight_of(said), None)
 
 
-def _shown(model: VQAModel, probe: Probe) -> tuple[_Answers, list[str]]:
-    pictures = (*probe.pictures(), Image.new("RGB", (256, 256), (128, 128, 128)))
-    answers: _Answers = {}
-    failures = []
-    try:
-        for reply in model.answer(pictures, probe.questions):
-            if isinstance(reply.outcome, Failure):
-                failures.append(reply.outcome.reason)
-            else:
-                answers[reply.image, reply.question] = reply.outcome
-    except ModelError as error:
-        failures.append(str(error))
-    return answers, failures
+@dataclass
+class _Run:
+    """A check under way."""
+
+    model: VQAModel
+    stop: Callable[[], bool]
+    n_total: int
+    n_done: int = 0
+    failures: list[str] = field(default_factory=list)
+
+    def ask(
+        self, images: Sequence[Image.Image], questions: Sequence[str]
+    ) -> Generator[CheckProgress, None, Said]:
+        """Some calls; what failed of them is noted and left out."""
+        said: dict[tuple[int, int], Answer] = {}
+        open_pairs = {(i, q) for i in range(len(images)) for q in range(len(questions))}
+        reason = "the model gave no reply to this question"
+        try:
+            for reply in replies_until(self.model, images, questions, self.stop):
+                pair = (reply.image, reply.question)
+                if pair not in open_pairs:
+                    continue
+                open_pairs.discard(pair)
+                if isinstance(reply.outcome, Failure):
+                    self.failures.append(reply.outcome.reason)
+                else:
+                    said[pair] = reply.outcome
+                self.n_done += 1
+                yield CheckProgress(self.n_done, self.n_total)
+        except ModelError as error:
+            reason = str(error)
+        if not self.stop():
+            self.n_done += len(open_pairs)
+            self.failures += [reason] * len(open_pairs)
+        return said
 
 
-def _sight(said: Sequence[_Answers]) -> Sight:
-    if not any(said):
-        return Sight.SILENT
-    if any(_differ(answers, 0, 1) for answers in said):
-        return Sight.TELLS
-    if any(_differ(answers, state, 2) for answers in said for state in (0, 1)):
-        return Sight.SEES
-    return Sight.BLIND
+def _shown(run: _Run, *, whole: bool) -> Generator[CheckProgress, None, list[Said]]:
+    """What it says of the probes; not `whole`: of as many as are needed."""
+    said: list[Said] = []
+    for probe in PROBES:
+        said.append((yield from run.ask(probe.pictures(), probe.questions)))
+        is_enough = not said[-1] or (is_clear(said[-1]) and not whole)
+        if is_enough or run.stop():
+            break
+    return said
 
 
-def _differ(answers: _Answers, first: int, second: int) -> bool:
-    """Whether a question was answered differently about two pictures."""
-    pairs = [(answers.get((first, q)), answers.get((second, q))) for q in (0, 1)]
-    return any(one and other and _unlike(one, other) for one, other in pairs)
+def _ended(run: _Run, sight: Sight, pace: Pace | None) -> CheckProgress:
+    """The last report; what can be relied on is kept."""
+    model, memory = run.model, Memory.now()
+    failure = run.failures[-1] if run.failures else ""
+    numbers = (run.n_done, len(run.failures))
+    notes = tuple(model.notes)
+    found = ModelCheck(model.name, model.fingerprint, notes, sight, pace, memory, *numbers, failure)
+    is_sure = sight is Sight.TELLS or not run.failures
+    if is_sure or pace is not None:
+        remember(
+            KnownModel(
+                model.name,
+                model.fingerprint,
+                sight if is_sure else None,
+                pace.image if pace else None,
+                pace.question if pace else None,
+                memory.process,
+                memory.gpu,
+            )
+        )
+    return CheckProgress(run.n_total, run.n_total, found)
 
 
-def _unlike(one: Answer, other: Answer) -> bool:
-    if one.text.strip().lower() != other.text.strip().lower():
-        return True
-    return abs((one.p_yes or 0.0) - (other.p_yes or 0.0)) > _SAME
-
-
-def _pace(model: VQAModel) -> Pace:
+def _pace(run: _Run) -> Generator[CheckProgress, None, Pace | None]:
     """From two calls about one picture: a line through what few and what many questions took.
 
-    The picture is drawn so that no server has it in its cache yet.
+    The picture is drawn so that no server has it in its cache yet. None if a call failed: an error
+    comes sooner than an answer.
     """
-    few, many = _timed(model, _TIMED[:_FEW], 1), _timed(model, _TIMED[_FEW:], 2)
-    question = max(0.0, (many - few) / (_MANY - _FEW))
-    return Pace(max(0.0, few - _FEW * question), question)
-
-
-def _timed(model: VQAModel, questions: Sequence[str], seed: int) -> float:
-    picture = Image.effect_noise((640, 480), 40 + seed).convert("RGB")
-    began = time.perf_counter()
-    for _ in model.answer([picture], questions):
-        pass
-    return time.perf_counter() - began
+    seconds = []
+    for seed, questions in enumerate((_TIMED[:_FEW], _TIMED[_FEW:]), 1):
+        picture = Image.effect_noise((640, 480), 40 + seed).convert("RGB")
+        began = time.perf_counter()
+        said = yield from run.ask([picture], questions)
+        seconds.append(time.perf_counter() - began)
+        if len(said) < len(questions):
+            return None
+    question = max(0.0, (seconds[1] - seconds[0]) / (_MANY - _FEW))
+    return Pace(max(0.0, seconds[0] - _FEW * question), question)

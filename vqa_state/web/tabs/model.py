@@ -9,13 +9,14 @@ import gradio as gr
 
 from vqa_state import models
 from vqa_state.asking import plan
-from vqa_state.checking import CheckProgress, ModelCheck, Sight, check_model
+from vqa_state.checking import CheckProgress, ModelCheck, check_model
 from vqa_state.errors import ModelError, NothingToSearchError, ProjectError, VQAStateError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.models.address import Device, ModelAddress, Precision, Source
 from vqa_state.models.approval import approved, is_approved
 from vqa_state.models.hub import DownloadProgress, download, is_cached
 from vqa_state.models.presets import PRESETS
+from vqa_state.models.sight import Sight
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
@@ -156,7 +157,8 @@ def _kind(address: ModelAddress, must_come: bool) -> str:
         return f"Every picture and question is sent to {host}. Allow it only if that is right."
     if address.source is Source.FOLDER:
         return "It is read from a folder of this machine; nothing leaves it."
-    preset = next((one for one in PRESETS if one.address.endswith(address.where)), None)
+    plain = f"{address.source}:{address.where}"
+    preset = next((one for one in PRESETS if one.address == plain), None)
     words = "Not on this disk yet" if must_come else "On this disk"
     if preset is None:
         return f"{words}; see its page on the hub for its size and licence."
@@ -172,7 +174,7 @@ def _told(desk: Desk, pid: str, name: str) -> str:
     found = desk.check(name)
     if found is None:
         return ""
-    lines = [found.sentence, *found.notes, f"This process takes {found.megabytes:,} MB."]
+    lines = [found.sentence, *found.notes, f"This process takes {found.memory}."]
     if found.pace is not None:
         try:
             costs = plan(desk.snapshot(pid), found.fingerprint)
