@@ -11,11 +11,13 @@ from vqa_state.asking import plan
 from vqa_state.checking import check_model
 from vqa_state.cli.options import Json, app, tell
 from vqa_state.cli.terminal import interruptible, say, show_check, show_download
-from vqa_state.errors import ModelError
+from vqa_state.errors import MissingPackageError, ModelError
 from vqa_state.models.address import ModelAddress, Source
 from vqa_state.models.approval import approve, approved, withdraw
-from vqa_state.models.hub import download, is_cached
+from vqa_state.models.hub import download
+from vqa_state.models.opening import folder_of
 from vqa_state.models.presets import PRESETS, Preset
+from vqa_state.models.standing import Standing, standing
 from vqa_state.project import Project
 
 __all__ = ["models_app"]
@@ -37,24 +39,57 @@ Address = Annotated[
 
 
 @models_app.command("list")
-def list_command(as_json: Json = False) -> None:
+def list_command(
+    server: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="List what this server offers: http://host:port/v1"),
+    ] = None,
+    as_json: Json = False,
+) -> None:
     """The models to begin with, whether they are on this disk, and those that you approved."""
+    if server is not None:
+        _list_server(server.removeprefix("server:"), as_json)
+        return
     own = [*models.names(), *approved()]
-    here = {one.address: is_cached(ModelAddress.parse(one.address)) for one in PRESETS}
+    stands = {one.address: standing(ModelAddress.parse(one.address)) for one in PRESETS}
     lines = [f"{name:45} usable now" for name in own]
-    lines += [f"{one.address:45} {_words(one, here[one.address])}" for one in PRESETS]
+    lines += [f"{one.address:45} {_words(one, stands[one.address])}" for one in PRESETS]
     rows = [
-        asdict(one) | {"megabytes_float32": one.megabytes(), "on_this_disk": here[one.address]}
+        asdict(one)
+        | {
+            "megabytes_float32": one.megabytes(),
+            "on_this_disk": stands[one.address] is not Standing.ABSENT,
+            "must_be_converted": stands[one.address] is Standing.OLD_WEIGHTS,
+            "wants_gpu": one.wants_gpu,
+            "missing": one.missing,
+        }
         for one in PRESETS
     ]
     tell(as_json, {"usable": own, "presets": rows}, "\n".join(lines))
 
 
-def _words(preset: Preset, is_here: bool) -> str:
-    where = "on this disk" if is_here else "not on this disk"
+def _list_server(url: str, as_json: bool) -> None:
+    """Typing the URL is the user's yes to this one call; no picture is sent."""
+    from vqa_state.models.server import list_models
+
+    try:
+        names = list_models(url)
+    except ModuleNotFoundError as error:
+        raise MissingPackageError(f"server:{url}", error.name or "openai") from error
+    addresses = [str(ModelAddress(Source.SERVER, url, name)) for name in names]
+    words = "\n".join(addresses) or f"{url} offers no model"
+    tell(as_json, {"server": url, "models": addresses}, words)
+
+
+def _words(preset: Preset, stands: Standing) -> str:
+    where = {
+        Standing.READY: "on this disk",
+        Standing.ABSENT: "not on this disk",
+        Standing.OLD_WEIGHTS: "on this disk, to be converted once with: "
+        f"python -m vqa_state models convert {preset.address}",
+    }[stands]
     words = [where, f"{preset.megabytes():,} MB in float32", preset.licence]
-    words += [f"needs {', '.join(preset.needs)}"] if preset.needs else []
-    words += [preset.remark] if preset.remark else []
+    words += [one for one in (preset.requirements, preset.remark) if one]
     return "; ".join(words)
 
 
@@ -87,6 +122,8 @@ def download_command(model: Address) -> None:
         raise typer.Exit(3)
     approve(address)
     say(f"{address} is on this disk")
+    if standing(address) is Standing.OLD_WEIGHTS:
+        say(f"its weights must be converted once: python -m vqa_state models convert {address}")
 
 
 @models_app.command("check")
@@ -103,14 +140,18 @@ def check_command(
         found = show_check(check_model(vqa_model, stop))
     if found is None:
         raise typer.Exit(3)
-    lines = [found.name, found.sentence, *found.notes, f"{found.megabytes:,} MB of memory"]
+    lines = [found.name, found.sentence, *found.notes, str(found.memory)]
     record: dict[str, object] = {
         "model": found.name,
         "fingerprint": found.fingerprint,
         "sight": found.sight.value,
         "notes": list(found.notes),
-        "megabytes": found.megabytes,
+        "n_calls": found.n_calls,
+        "n_failed": found.n_failed,
+        "failure": found.failure,
     }
+    if found.memory is not None:
+        record |= {"megabytes": found.memory.process, "gpu_megabytes": found.memory.gpu}
     if found.pace is not None:
         record |= {"seconds_image": found.pace.image, "seconds_question": found.pace.question}
         lines.append(
@@ -130,11 +171,18 @@ def check_command(
 
 @models_app.command("convert")
 def convert_command(
-    folder: Annotated[Path, typer.Argument(help="Holds config.json and pytorch_model.bin.")],
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="FOLDER", help="Holds config.json and pytorch_model.bin; or hub:OWNER/NAME."
+        ),
+    ],
 ) -> None:
     """Write the weights of an old checkpoint as safetensors, once. No code in it is run."""
     from vqa_state.models.ofa.loading import convert_checkpoint
 
+    is_address = model.startswith(("hub:", "folder:"))
+    folder = folder_of(ModelAddress.parse(model)) if is_address else Path(model)
     if not (folder / "pytorch_model.bin").is_file():
         raise ModelError(f"{folder} holds no pytorch_model.bin; there is nothing to convert")
     say(f"written: {convert_checkpoint(folder)}")

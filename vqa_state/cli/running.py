@@ -9,18 +9,18 @@ from vqa_state import models
 from vqa_state.asking import AskProgress, ask, plan
 from vqa_state.assessing import assess
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
+from vqa_state.cli.looking import cost_record, cost_words, look_first
 from vqa_state.cli.options import Folder, Json, Seed, app, found_results, show, tell
 from vqa_state.cli.terminal import (
     asked_sentence,
     interruptible,
-    plan_record,
     say,
     show_asking,
     show_assessing,
     show_search,
 )
 from vqa_state.errors import NothingToSearchError
-from vqa_state.pace import keep_pace
+from vqa_state.pace import estimate, keep_pace
 from vqa_state.project import Project
 from vqa_state.scores import ObjectiveWeights
 from vqa_state.search.default import Engine
@@ -55,12 +55,8 @@ def ask_command(
     )
     project.model = models.choose(model) if model else project.model
     if cost:
-        what = plan(project, models.create(project.model).fingerprint)
-        words = (
-            f"{what.n_images} images × {what.n_copies} copies × {what.n_questions} questions = "
-            f"{what.n_calls:,} calls, {what.n_stored:,} in the store, {what.n_to_ask:,} to ask"
-        )
-        tell(as_json, plan_record(what), words)
+        what = estimate(project, models.create(project.model).fingerprint)
+        tell(as_json, cost_record(what), cost_words(what, project.model))
         return
     progress = _ask(project)
     tell(as_json, _asked(progress), asked_sentence(progress))
@@ -164,9 +160,11 @@ def _ask(project: Project) -> AskProgress:
     project.fingerprint = vqa_model.fingerprint
     project.save()
     with interruptible() as stop:
+        if plan(project, vqa_model.fingerprint).n_to_ask:
+            look_first(vqa_model, stop)
         last = show_asking(ask(project, vqa_model, stop))
-    if not last.stopped and not last.n_failed:
-        keep_pace(project, vqa_model)
+        if not last.stopped and not last.n_failed:
+            keep_pace(project, vqa_model, stop)
     return last
 
 

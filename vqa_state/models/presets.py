@@ -1,6 +1,7 @@
 """Models to begin with. Sizes and licences as their publishers state them; see docs/models.md."""
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Final
 
 __all__ = ["PRESETS", "Preset"]
@@ -35,6 +36,22 @@ class Preset:
     def wants_gpu(self) -> bool:
         """Whether a processor needs minutes an image for it."""
         return self.parameters > 1500
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Those of the packages that it needs which are not installed here."""
+        return tuple(name for name in self.needs if find_spec(name) is None)
+
+    @property
+    def requirements(self) -> str:
+        """What it needs beside memory, for the user; "" if nothing."""
+        words = ["wants a GPU: on a processor it takes minutes an image"] if self.wants_gpu else []
+        if self.missing:
+            command = f"pip install {' '.join(self.missing)}"
+            words.append(f"needs {', '.join(self.missing)}, not installed here: {command}")
+        elif self.needs:
+            words.append(f"needs {', '.join(self.needs)}, installed here")
+        return "; ".join(words)
 
 
 _VIDEO: Final = ("torchvision",)
