@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from vqa_state import models
 from vqa_state.checking import ModelCheck
 from vqa_state.errors import ProjectError
 from vqa_state.jobs import Jobs
 from vqa_state.models import VQAModel
 from vqa_state.project import Project, StateNames
 from vqa_state.questions import QuestionGrid, Wording, phrases_for
+from vqa_state.web.shelf import Shelf
 from vqa_state.web.taken import Taken
 
 __all__ = ["Desk"]
@@ -39,8 +39,7 @@ class Desk:
         self.jobs = Jobs()
         self._lock = threading.Lock()
         self._open: dict[str, _Open] = {}
-        self._models: dict[str, VQAModel] = {}
-        self._models_lock = threading.Lock()
+        self._shelf = Shelf()
         self._checks: dict[str, ModelCheck] = {}
         self._early: set[str] = set()
 
@@ -89,20 +88,18 @@ class Desk:
             return replace(project, images=dict(project.images))
 
     def model(self, name: str) -> VQAModel:
-        """The model with this name, loaded once.
+        """The model with this name; it takes the place of the one before.
 
         Raises:
             UnknownModelError: if the registry has no such name.
+            NotApprovedError: if the user never said yes to it, or took the yes back.
             ModelError: if it cannot be loaded.
         """
-        with self._models_lock:
-            if name not in self._models:
-                self._models[name] = models.create(name)
-            return self._models[name]
+        return self._shelf.get(name)
 
     def loaded(self, name: str) -> VQAModel | None:
         """The model if it is in memory already; nothing is loaded."""
-        return self._models.get(name)
+        return self._shelf.loaded(name)
 
     def check(self, name: str) -> ModelCheck | None:
         """What was found of a model since the app was started, if it was checked."""
