@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from importlib import import_module
 
-from vqa_state.errors import MissingPackageError, UnknownModelError
+from vqa_state.errors import UnknownModelError
 from vqa_state.models.address import ModelAddress
 from vqa_state.models.approval import approve, check_approved, from_anywhere
 from vqa_state.models.base import Failure, Reply, VQAModel
+from vqa_state.models.import_faults import import_fault
 
 __all__ = ["Factory", "Failure", "Reply", "VQAModel", "choose", "create", "names", "register"]
 
@@ -65,10 +66,11 @@ def create(name: str) -> VQAModel:
         return open_model(address)
     try:
         return _factories[name]()
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.startswith("vqa_state"):
+    except ImportError as error:
+        fault = import_fault(name, error)
+        if fault is None:
             raise  # our own mistake, not a missing package
-        raise MissingPackageError(name, error.name) from error
+        raise fault from error
 
 
 def _parsed(name: str) -> ModelAddress | None:

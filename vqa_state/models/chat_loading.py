@@ -1,23 +1,15 @@
 """A chat model and its processor from a folder; what goes wrong there, in words that help."""
 
-import re
 from pathlib import Path
 from typing import Any
 
-from vqa_state.errors import MissingPackageError, ModelError
+from vqa_state.errors import ModelError
+from vqa_state.models.image_processors import use_pillow
+from vqa_state.models.import_faults import missing_package
 from vqa_state.models.runtime import Runtime
+from vqa_state.models.torch_loading import LOCAL, load_network, loading
 
 __all__ = ["load_chat", "missing_package"]
-
-#: Libraries as transformers calls them in its errors -> what pip calls them.
-_PACKAGES = {
-    "Torchvision": "torchvision",
-    "SentencePiece": "sentencepiece",
-    "protobuf": "protobuf",
-    "PyAv": "av",
-    "timm": "timm",
-    "PIL": "pillow",
-}
 
 
 def load_chat(folder: Path, name: str, runtime: Runtime) -> tuple[Any, Any]:
@@ -29,49 +21,16 @@ def load_chat(folder: Path, name: str, runtime: Runtime) -> tuple[Any, Any]:
         MissingPackageError: if it needs a package that is not installed.
         ModelError: if the folder is damaged or incomplete.
     """
-    from safetensors import SafetensorError
     from transformers import AutoModelForImageTextToText, AutoProcessor
 
     processors: Any = AutoProcessor
-    models: Any = AutoModelForImageTextToText
-    local: dict[str, Any] = {"local_files_only": True, "trust_remote_code": False}
-    try:
-        processor = processors.from_pretrained(folder, **local)
-        model, report = models.from_pretrained(
-            folder, use_safetensors=True, dtype=runtime.dtype, output_loading_info=True, **local
-        )
-    except ImportError as error:
-        package = missing_package(str(error))
-        if package is None:
-            raise
-        raise MissingPackageError(name, package) from error
-    except (
-        *(OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError),
-        SafetensorError,
-    ) as error:
-        raise ModelError(
-            f"the model in {folder} cannot be loaded ({_first_line(error)}); download or copy it "
-            "again, with all its files"
-        ) from error
+    with loading(folder, name):
+        processor = processors.from_pretrained(folder, **LOCAL)
+        use_pillow(processor, folder)
+        model, report = load_network(folder, AutoModelForImageTextToText, runtime)
     _check(folder, processor, report)
     _simplify(model, processor)
     return model.to(str(runtime.device)).eval(), processor
-
-
-def missing_package(message: str) -> str | None:
-    """The package that an ImportError of transformers asks for, as pip calls it."""
-    if found := re.search(r"requires the (?:🤗 )?([\w-]+) library", message):
-        return _PACKAGES.get(found[1], found[1].lower())
-    if found := re.search(r"pip install (?:-U )?([A-Za-z][\w.-]*)", message):
-        return found[1]
-    if found := re.search(r"No module named '(\w+)", message):
-        return found[1]
-    return None
-
-
-def _first_line(error: Exception) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0][:200] if lines else type(error).__name__
 
 
 def _check(folder: Path, processor: Any, report: dict[str, Any]) -> None:

@@ -42,7 +42,7 @@ def read_config(folder: Path, file: str = "config.json") -> dict[str, Any]:
     except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict):
-        raise ModelError(f"{path} is damaged; download or copy the model again")
+        raise ModelError(f"{path} is damaged; download or copy it again, with all its files")
     return content
 
 

@@ -5,12 +5,14 @@ from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 
-from vqa_state.errors import MissingPackageError, ModelError
+from vqa_state.errors import ModelError
 from vqa_state.models.address import ModelAddress, Source
 from vqa_state.models.base import VQAModel
 from vqa_state.models.families import Family, family_of, missing_weights
 from vqa_state.models.hub import cached_folder
+from vqa_state.models.import_faults import import_fault
 from vqa_state.models.runtime import choose_runtime
+from vqa_state.models.torch_loading import loading
 
 __all__ = ["folder_of", "open_model"]
 
@@ -40,12 +42,13 @@ def open_model(address: ModelAddress) -> VQAModel:
         folder = folder_of(address)
         runtime = choose_runtime(address.device, address.precision)
         module, kind = _CLASSES[_usable(folder)]
-        with _without_bars():
+        with _without_bars(), loading(folder, name):
             made = getattr(import_module(module), kind)(folder, name, runtime, address.prompt)
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.startswith("vqa_state"):
+    except ImportError as error:
+        fault = import_fault(name, error)
+        if fault is None:
             raise  # our own mistake, not a missing package
-        raise MissingPackageError(name, error.name) from error
+        raise fault from error
     return made  # type: ignore[no-any-return]
 
 
