@@ -1,17 +1,20 @@
 """Which family a folder of weights belongs to, from its config.json alone; no code of it runs."""
 
 import json
+import re
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from vqa_state.errors import ModelError
 
-__all__ = ["Family", "family_of", "missing_weights", "read_config"]
+__all__ = ["Family", "family_of", "missing_weights", "read_config", "weight_files"]
 
 _MAX_CONFIG_BYTES = 10_000_000
 
+_WEIGHTS = "model.safetensors"
 _INDEX = "model.safetensors.index.json"
+_SHARD = re.compile(r"[^/\\:\0]+\.safetensors")
 
 
 class Family(StrEnum):
@@ -75,16 +78,36 @@ def family_of(folder: Path) -> Family:
 
 
 def missing_weights(folder: Path) -> list[str]:
-    """Files of weights that should be there and are not; empty for a complete folder."""
-    if (folder / "model.safetensors").is_file():
-        return []
+    """Files of weights that should be there and are not; empty for a complete folder.
+
+    Raises:
+        ModelError: if the index is damaged, or names files elsewhere.
+    """
+    return [name for name in weight_files(folder) if not (folder / name).is_file()]
+
+
+def weight_files(folder: Path) -> list[str]:
+    """Files that hold the weights, there or not, sorted.
+
+    Raises:
+        ModelError: if the index is damaged, or names files elsewhere.
+    """
+    if (folder / _WEIGHTS).is_file():
+        return [_WEIGHTS]
     if not (folder / _INDEX).is_file():
-        return ["model.safetensors"]
+        return [_WEIGHTS]
     shards = read_config(folder, _INDEX).get("weight_map")
     if not isinstance(shards, dict):
-        return [_INDEX]
+        raise ModelError(f"{folder / _INDEX} is damaged; download or copy it again")
     names = sorted({str(name) for name in shards.values()})
-    return [name for name in names if not (folder / name).is_file()]
+    for name in names:
+        # Elsewhere no digest would see it; of another kind it might hold more than numbers.
+        if not _SHARD.fullmatch(name):
+            raise ModelError(
+                f"{folder / _INDEX} names {name[:200]!r}; weights are files of the same folder "
+                "that end in .safetensors: download or copy the model again"
+            )
+    return [_INDEX, *names]
 
 
 def _chat_kinds() -> set[str]:

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 from vqa_state.errors import ModelError
 from vqa_state.models.address import Device, Precision
+from vqa_state.models.folder_files import loaded_files
+from vqa_state.models.image_processors import image_class
 
 if TYPE_CHECKING:
     import torch
 
 __all__ = ["Runtime", "choose_runtime", "folder_digest"]
-
-#: Files of a model's folder that can change an answer, by their ending.
-_CONTENT = (".json", ".safetensors", ".txt", ".jinja", ".model")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,20 +74,23 @@ def choose_runtime(device: Device = Device.AUTO, precision: Precision = Precisio
 
 
 def folder_digest(folder: Path) -> str:
-    """First 16 hex digits of the SHA-256 of all files that can change an answer.
+    """First 16 hex digits of the SHA-256 of all that a folder brings into an answer.
+
+    That is what stands in the files that are loaded, and the class that prepares its images, which
+    the files do not tell: it may depend on whether torchvision is installed, and on its version.
 
     Raises:
-        ModelError: if a file cannot be read.
+        ModelError: if a file cannot be read, or the folder asks for something that is refused.
     """
     digest = hashlib.sha256()
     try:
-        for path in sorted(folder.rglob("*")):
-            if path.is_file() and path.suffix in _CONTENT:
-                with path.open("rb") as file:
-                    own = hashlib.file_digest(file, "sha256").hexdigest()
-                digest.update(f"{path.relative_to(folder).as_posix()} {own}\n".encode())
+        for path in loaded_files(folder):
+            with path.open("rb") as file:
+                own = hashlib.file_digest(file, "sha256").hexdigest()
+            digest.update(f"{path.relative_to(folder).as_posix()} {own}\n".encode())
     except OSError as error:
         raise ModelError(
             f"cannot read the model in {folder} ({error.strerror}); check the folder"
         ) from error
+    digest.update(f"images by {image_class(folder)}\n".encode())
     return digest.hexdigest()[:16]
