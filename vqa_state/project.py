@@ -219,8 +219,11 @@ class Project:
             self.image_path(image).unlink(missing_ok=True)
             self._thumbnail_path(image).unlink(missing_ok=True)
 
-    def set_labels(self, ids: Iterable[str], label: int | None) -> None:
+    def set_labels(self, ids: Iterable[str], label: int | None, *, accepted: bool = False) -> None:
         """Give images the label +1 or -1, or take it away with None.
+
+        An `accepted` label came from a vote, so its image becomes a training image and cannot
+        become a test image until a person labels it.
 
         Raises:
             ProjectError: if an id or the label is unknown; nothing is changed then.
@@ -229,19 +232,31 @@ class Project:
             raise ProjectError(f"a label is +1, -1 or none, got {label!r}")
         for image in [self._image(image_id) for image_id in ids]:
             split = image.split if label is not None or image.split is Split.UNUSED else None
-            self.images[image.id] = replace(image, label=label, split=split)  # type: ignore[arg-type]  # checked above
+            if accepted and split is not Split.UNUSED:
+                split = Split.TRAIN
+            self.images[image.id] = replace(image, label=label, split=split, accepted=accepted)  # type: ignore[arg-type]  # checked above
 
     def set_splits(self, ids: Iterable[str], split: Split | None) -> None:
         """Put images on a side by hand; None lets `assign_splits` decide again.
 
         Raises:
-            ProjectError: if an id is unknown; nothing is changed then.
+            ProjectError: if an id is unknown, or a label that a vote suggested would judge votes;
+                nothing is changed then.
         """
-        for image in [self._image(image_id) for image_id in ids]:
+        images = [self._image(image_id) for image_id in ids]
+        pinned = [image.name for image in images if image.accepted]
+        if pinned and split is Split.TEST:
+            raise ProjectError(
+                f"the label of {pinned[0]} was suggested by a vote, so it must not test one; look "
+                "at the image and label it yourself first, then it may"
+            )
+        for image in images:
             self.images[image.id] = replace(image, split=split)
 
     def assign_splits(self, *, train_share: float = 0.5, afresh: bool = False) -> None:
         """Divide labelled images between train and test; look-alikes go to one side.
+
+        Images whose label a vote suggested stay training images.
 
         Args:
             train_share: share of training images of each state, in (0, 1).
@@ -250,8 +265,8 @@ class Project:
         fixed = {
             i.id: i.split
             for i in self.images.values()
-            if i.split is not None and (not afresh or i.split is Split.UNUSED)
-        }
+            if i.split is not None and (not afresh or i.split is Split.UNUSED or i.accepted)
+        } | {i.id: Split.TRAIN for i in self.images.values() if i.accepted and i.split is None}
         labels = {i.id: i.label for i in self.images.values() if i.label is not None}
         sides = divide(labels, self.look_alikes(), fixed, train_share=train_share, seed=self.seed)
         for image_id, side in sides.items():

@@ -59,6 +59,7 @@ class LabelledImage:
         name: the name that it came with; shown, never used as a path.
         label: +1, -1 or None.
         split: train, test or unused; None until it has a label.
+        accepted: a vote suggested the label, and a person accepted it: it must not judge a vote.
     """
 
     id: _Hash
@@ -68,6 +69,7 @@ class LabelledImage:
     name: Annotated[str, Field(max_length=200)]
     label: Literal[-1, 1] | None = None
     split: Split | None = None
+    accepted: bool = False
 
 
 class ProjectFile(BaseModel):

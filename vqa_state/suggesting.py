@@ -36,7 +36,8 @@ class Hints:
 
     Attributes:
         next: images without a label, the closest vote first.
-        suggestions: labels for them, the surest first; a person accepts them.
+        suggestions: labels for them, the surest first; a person accepts them. None for an image
+            that looks like a test image: it would become a training image.
         doubtful: training images whose out-of-bag vote is strongly against their label.
         n_unasked: images without a label that lack answers; ask them first.
     """
@@ -92,9 +93,10 @@ def hints(project: Project, found: Results, assessed: Assessment | None) -> Hint
     silent = (whole.verdicts == 0).all(axis=(1, 2))
     own = np.where(silent & (own == 0), np.nan, own)
     ids = whole.image_ids
+    tested = _like_a_test_image(project)
     return Hints(
         next=closest_votes(ids, own),
-        suggestions=suggestions(ids, own),
+        suggestions=tuple(one for one in suggestions(ids, own) if one.image_id not in tested),
         doubtful=doubtful,
         n_unasked=table.n_images - whole.n_images,
     )
@@ -106,8 +108,17 @@ def accept(project: Project, chosen: tuple[Suggestion, ...]) -> None:
     A label that a vote suggested must not judge the vote, so none of them goes to the test side.
     """
     for one in chosen:
-        project.set_labels([one.image_id], one.label)
-        project.set_splits([one.image_id], Split.TRAIN)
+        project.set_labels([one.image_id], one.label, accepted=True)
+
+
+def _like_a_test_image(project: Project) -> set[str]:
+    """Images of groups of look-alikes that hold a test image."""
+    return {
+        image_id
+        for group in project.look_alikes()
+        if any(project.images[one].split is Split.TEST for one in group)
+        for image_id in group
+    }
 
 
 def _vote(project: Project, found: Results, assessed: Assessment | None) -> FittedVote:

@@ -140,7 +140,8 @@ def accepted(desk: Desk, pid: str, truth: dict[str, int]) -> int:
     found = [desk.snapshot(pid).images[image_id] for image_id in truth]
     labelled = [image for image in found if image.label is not None]
     assert all(image.label == truth[image.id] for image in labelled)
-    assert all(image.split is Split.TRAIN for image in labelled)
+    assert all(image.split is Split.TRAIN and image.accepted for image in labelled)
+    assert not any(image.accepted for image in found if image.label is None)
     assert all(image.split is None for image in found if image.label is None)
     return len(labelled)
 

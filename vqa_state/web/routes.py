@@ -139,9 +139,12 @@ def _add(desk: Desk, pid: str, name: str, data: bytes) -> dict[str, Any]:
 def _mark(desk: Desk, pid: str, marked: Mapping[str, Any]) -> dict[str, Any]:
     labels = checks.json_object(marked.get("labels", {}))
     splits = checks.json_object(marked.get("splits", {}))
+    accepted = checks.json_object(marked.get("accepted", {}))
     with desk.changing(pid) as project:
         for image_id, label in labels.items():
-            project.set_labels([checks.known_image(project, image_id).id], _label(label))
+            known = checks.known_image(project, image_id).id
+            from_a_vote = accepted.get(image_id, False) is not False
+            project.set_labels([known], _label(label), accepted=from_a_vote)
         for image_id, split in splits.items():
             side = None if split is None else checks.choice(split, Split, "the side")
             project.set_splits([checks.known_image(project, image_id).id], side)

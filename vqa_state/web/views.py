@@ -50,7 +50,13 @@ def download(href: str, text: str) -> Value:
 
 def image_row(image: LabelledImage) -> Value:
     """An image as the labelling grid wants it."""
-    return {"id": image.id, "name": image.name, "label": image.label, "split": image.split}
+    return {
+        "id": image.id,
+        "name": image.name,
+        "label": image.label,
+        "split": image.split,
+        "accepted": image.accepted,
+    }
 
 
 def images_value(

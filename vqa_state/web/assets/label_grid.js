@@ -1,7 +1,8 @@
 // The labelling grid: pick images by mouse or keys, label them, move on at once.
 // Value: {project, states: [positive, negative], max_bytes, items: [{id, name, label, split}]},
-// with a label of 1, -1 or null and a split of train, test, unused or null; and suggested:
-// {id: {label, sureness}} for images without a label, which become training images if accepted.
+// with a label of 1, -1 or null, a split of train, test, unused or null, and accepted: the label was
+// a suggestion; and suggested: {id: {label, sureness}} for images without a label, which become
+// training images if accepted.
 // What is seen is changed first and saved behind: fast keying never waits for the network.
 
 const grid = $('.lg-grid'), tools = $('.lg-tools'), counts = $('.lg-counts'), zoom = $('.lg-zoom');
@@ -154,7 +155,10 @@ function moveTo(at, {extend = false, toggle = false} = {}) {
 function mark(field, value) {
   if (!chosen.size) return;
   const at = [...chosen].sort((a, b) => a - b);
-  history.push([change(field, new Map(at.map((k) => [items[k].id, value])))]);
+  const all = (given) => new Map(at.map((k) => [items[k].id, given]));
+  const step = [change(field, all(value))];
+  if (field === 'label') step.push(change('accepted', all(false)));
+  history.push(step);
   save();
   if (field === 'label' && value !== null && at.length === 1) advance(at[0]);
 }
@@ -172,7 +176,8 @@ function accept() {
   if (!at.length) return;
   const labels = new Map(at.map((k) => [items[k].id, suggestion(items[k]).label]));
   const sides = new Map(at.map((k) => [items[k].id, 'train']));
-  history.push([change('label', labels), change('split', sides)]);
+  const yes = new Map(at.map((k) => [items[k].id, true]));
+  history.push([change('label', labels), change('accepted', yes), change('split', sides)]);
   save();  // both at once: no label that came from a vote may ever get to the test side
   if (at.length === 1) advance(at[0]);
 }
@@ -196,7 +201,9 @@ function change(field, values) {
   return {field, before};
 }
 
-let unsaved = {label: new Map(), split: new Map()};
+const FIELDS = ['label', 'accepted', 'split'];
+const noMarks = () => Object.fromEntries(FIELDS.map((field) => [field, new Map()]));
+let unsaved = noMarks();
 let onTheWay = unsaved;   // the batch that is being saved
 let saving = false;
 
@@ -204,7 +211,7 @@ let saving = false;
 function marksOf(id) {
   const marks = {};
   for (const batch of [onTheWay, unsaved]) {
-    for (const field of ['label', 'split']) if (batch[field].has(id)) marks[field] = batch[field].get(id);
+    for (const field of FIELDS) if (batch[field].has(id)) marks[field] = batch[field].get(id);
   }
   return marks;
 }
@@ -213,17 +220,18 @@ function marksOf(id) {
 async function save() {
   if (saving) return;
   saving = true;
-  while (unsaved.label.size || unsaved.split.size) {
+  while (FIELDS.some((field) => unsaved[field].size)) {
     const batch = onTheWay = unsaved;
-    unsaved = {label: new Map(), split: new Map()};
+    unsaved = noMarks();
     try {
       await post(`/projects/${project}/marks`, JSON.stringify({
-        labels: Object.fromEntries(batch.label), splits: Object.fromEntries(batch.split),
+        labels: Object.fromEntries(batch.label), accepted: Object.fromEntries(batch.accepted),
+        splits: Object.fromEntries(batch.split),
       }));
       say('');
     } catch (error) {
       if (error.refused) { say(`Not saved: ${error.message}`); trigger('reload', {}); continue; }
-      for (const field of ['label', 'split']) {
+      for (const field of FIELDS) {
         for (const [id, value] of batch[field]) if (!unsaved[field].has(id)) unsaved[field].set(id, value);
       }
       say('Not saved yet: the server cannot be reached. Trying again…');
