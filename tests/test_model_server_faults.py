@@ -101,20 +101,21 @@ def test_an_answer_has_a_deadline_with_all_its_tries(stub):
 
 
 @pytest.mark.parametrize(
-    ("status", "sentence"),
+    ("status", "sentence", "n_calls"),
     [
-        (401, r"wants a key \(401\).*VQA_STATE_KEYS"),
-        (403, "wants a key"),
-        (404, r"no model named m, or no chat completions .*404: who\?"),
-        (405, "no model named m"),
-        (302, r"another address \(302\), which is not followed"),
+        (401, r"wants a key \(401\).*VQA_STATE_KEYS", 2),
+        (403, "may forbid the question or the image; or.* may want a key.*VQA_STATE_KEYS", 16),
+        (404, r"no model named m, or no chat completions .*404: who\?", 2),
+        (405, "no model named m", 2),
+        (302, r"another address \(302\), which is not followed", 2),
     ],
 )
-def test_what_no_call_can_change_fails_all_at_once_with_one_sentence(stub, status, sentence):
+def test_what_no_call_can_change_soon_fails_all_with_one_sentence(stub, status, sentence, n_calls):
     stub.script = error(status, "who?")
     found = outcomes(model_of(stub), [f"q{n}" for n in range(50)])
     reasons = {failure.reason for failure in found.values()}
-    assert len(reasons) == len(stub.calls) == 1
+    assert len(stub.calls) == n_calls  # a second opinion, or more where it may be the question
+    assert len(reasons) == 1
     assert re.search(sentence, reasons.pop())
 
 
@@ -138,7 +139,7 @@ def test_a_run_does_not_try_again_for_ever(stub):
     stub.script = error(500)
     budget = CallBudget(retries=5, run_retries=7, first_wait_seconds=0.001, max_parallel=1)
     outcomes(model_of(stub, budget), [f"q{n}" for n in range(40)])
-    assert len(stub.calls) == 40 + 7
+    assert len(stub.calls) == 16 + 7  # 16 pairs in a row without an answer; then all have failed
 
 
 def test_answers_that_come_give_retries_back(stub):

@@ -13,9 +13,15 @@ __all__ = ["Failure", "Interruptible", "Reply", "VQAModel"]
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """One call that gave no answer. It is *missing*, never Invalid, and is asked again."""
+    """One call that gave no answer. It is *missing*, never Invalid, and is asked again.
+
+    Attributes:
+        reason: why, for the user.
+        for_all: no other call about this image will do better now, and likely none at all.
+    """
 
     reason: str
+    for_all: bool = False
 
 
 @dataclass(frozen=True, slots=True)

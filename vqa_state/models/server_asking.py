@@ -66,11 +66,14 @@ class Asking:
 
     async def _fill(self, client: "AsyncOpenAI") -> bool:
         """Open as many calls as the server is good for; False if nothing is open or left."""
-        size = 1 if self._caller.is_in_doubt else self._caller.pace.size
+        doubt = self._caller.doubt
+        size = 1 if doubt.n_failed else self._caller.pace.size
         while self._left and len(self._open) < size:
             while self._replies.qsize() > 2 * size:
                 await asyncio.sleep(_LOOK)
-            pair = self._left.popleft()
+            place = doubt.place(len(self._left))
+            pair = self._left[place]
+            del self._left[place]
             self._open[asyncio.create_task(self._caller.ask(client, self._content(*pair)))] = pair
         return bool(self._open)
 
@@ -101,7 +104,7 @@ class Asking:
             self._left.clear()
 
     def _fail(self, pair: tuple[int, int], fault: Fault) -> None:
-        self._replies.put(Reply(*pair, Failure(fault.sentence)))
+        self._replies.put(Reply(*pair, Failure(fault.sentence, fault.reach is Reach.ALL)))
 
 
 def data_url(image: Image.Image) -> str:

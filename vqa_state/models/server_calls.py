@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from vqa_state.answers import Answer
 from vqa_state.models.api_keys import ApiKey
+from vqa_state.models.server_doubt import Doubt
 from vqa_state.models.server_faults import (
     Fault,
     Reach,
@@ -33,6 +34,9 @@ __all__ = ["MAX_TOKENS", "CallBudget", "Caller"]
 #: Enough for "Yes." with some words around it.
 MAX_TOKENS = 8
 
+#: Seconds for which a server can ask not to be asked, at most; one may err, or mock.
+_LONGEST_CLOSED = 86_400.0
+
 
 @dataclass(frozen=True, slots=True)
 class CallBudget:
@@ -46,7 +50,8 @@ class CallBudget:
             load its model during the first.
         answer_seconds: for one answer with all its tries and waits.
         first_wait_seconds: at most, before the first retry.
-        longest_wait_seconds: before any; a server that asks for more is asked again by you.
+        longest_wait_seconds: before any. A server that names a time itself is not asked before it
+            is over; if that is longer than an answer may take, you ask again.
         max_parallel: calls open at once, at most; how many is found by timing.
     """
 
@@ -94,18 +99,16 @@ class Caller:
 
     Attributes:
         pace: how many calls to keep open at once.
-        is_in_doubt: no call has worked since the server was found gone or refusing everything.
-        last_answer: when the last answer came, in seconds of `time.monotonic`.
+        doubt: whether it answers at all.
     """
 
     def __init__(self, url: ServerURL, model: str, key: ApiKey | None, budget: CallBudget) -> None:
         self.pace = Pace(budget.max_parallel)
-        self.is_in_doubt = False
-        self.last_answer = float("-inf")
+        self.doubt = Doubt()
         self._url, self._model, self._key, self._budget = url, model, key, budget
         self._retries_left = budget.run_retries
         self._dialect, self._is_dialect_known = _Dialect(), False
-        self._closed_until = float("-inf")
+        self._closed_until, self._closing = float("-inf"), self._silence()
         self._jitter = random.Random()
 
     async def ask(self, client: "AsyncOpenAI", content: list[dict[str, Any]]) -> Answer | Fault:
@@ -115,7 +118,10 @@ class Caller:
             client: of `open_client`, for this server.
             content: of the user's message, as the protocol has it.
         """
-        began, fault = monotonic(), self._silence()
+        if self._is_closed_for_long():
+            return self._closed()
+        began = monotonic()
+        fault = self._closing if self._closed_until > began else self._silence()
         try:
             async with asyncio.timeout(self._budget.answer_seconds):
                 for n_tries in range(1, self._budget.retries + 2):
@@ -132,10 +138,9 @@ class Caller:
                     await asyncio.sleep(wait)
         except TimeoutError:
             pass  # the last fault says why it took so long
-        if fault.reach is Reach.GONE and self.last_answer < began:
-            fault = replace(fault, reach=Reach.ALL)
-        self.is_in_doubt |= fault.reach is Reach.ALL
-        return fault
+        if self._is_closed_for_long():
+            return self._closed()
+        return self.doubt.weigh(fault, began, monotonic())
 
     async def _try(self, client: "AsyncOpenAI", content: list[dict[str, Any]]) -> Answer | Fault:
         """One try; the same again in other terms where the server does not know the first."""
@@ -191,24 +196,29 @@ class Caller:
     def _learn(self, dialect: _Dialect) -> None:
         self._dialect, self._is_dialect_known = dialect, True
         self._retries_left = min(self._retries_left + 1, self._budget.run_retries)
-        self.is_in_doubt, self.last_answer = False, monotonic()
+        self.doubt.answered(monotonic())
 
     def _heeded(self, fault: Fault, began: float) -> Fault:
         """Do what the server asks all callers to do: fewer at once, and not before a time."""
         if fault.status == 429:
             self.pace.refused(began, monotonic())
-        if fault.wait is None:
-            return fault
-        if fault.wait > self._budget.longest_wait_seconds:
-            sentence = f"{fault.sentence}: it asks to wait {fault.wait:.0f} seconds"
-            return replace(fault, sentence=sentence, reach=Reach.ALL)
-        self._closed_until = max(self._closed_until, monotonic() + fault.wait)
+        until = monotonic() + min(fault.wait or 0.0, _LONGEST_CLOSED)
+        if fault.wait is not None and until > self._closed_until:
+            self._closed_until, self._closing = until, fault
         return fault
+
+    def _is_closed_for_long(self) -> bool:
+        return self._closed_until - monotonic() > self._budget.answer_seconds
+
+    def _closed(self) -> Fault:
+        seconds = max(0.0, self._closed_until - monotonic())
+        sentence = f"{self._closing.sentence}: it asks to wait {seconds:.0f} seconds"
+        return replace(self._closing, sentence=sentence, reach=Reach.ALL)
 
     def _wait(self, fault: Fault, n_tries: int) -> float | None:
         """Seconds before the next try; None if there is to be none."""
-        known_gone = self.is_in_doubt and fault.reach is Reach.GONE
-        if fault.reach in (Reach.ANSWER, Reach.ALL) or known_gone:
+        known_gone = self.doubt.is_gone and fault.reach is Reach.GONE
+        if fault.reach in (Reach.ANSWER, Reach.ALL) or known_gone or self._is_closed_for_long():
             return None
         if n_tries > self._budget.retries or self._retries_left <= 0:
             return None

@@ -37,7 +37,7 @@ class Reach(StrEnum):
     ANSWER = "answer"
     """This call will not work, others may."""
     ALL = "all"
-    """No call will work before somebody changes something."""
+    """No call will work before somebody changes something; `Doubt` says when to believe it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +113,10 @@ def _status_fault(
 ) -> Fault:
     quoted = f"{status}: {said}" if said else f"{status}"
     reach, sentence = Reach.ANSWER, f"{url} did not accept the question ({quoted})"
-    if status in (401, 403):  # what it says here often repeats a part of the key
+    if status == 401:  # what it says here and below often repeats a part of the key
         reach, sentence = Reach.ALL, _about_keys(url, status, key)
+    elif status == 403:  # for these words or this image, or for all
+        sentence = _about_rules(url, status, key)
     elif status in (404, 405):
         reach, sentence = Reach.ALL, _about_places(url, model, quoted)
     elif 300 <= status < 400:
@@ -167,6 +169,15 @@ def _about_keys(url: ServerURL, status: int, key: ApiKey | None) -> str:
     return (
         f"{url} does not accept the key that is set for it ({status}); set another one, or one "
         f'that may use this model: VQA_STATE_KEYS="{place}=KEY"'
+    )
+
+
+def _about_rules(url: ServerURL, status: int, key: ApiKey | None) -> str:
+    place = f"{url.shown_host}:{url.port}"
+    other = "it may want a key" if key is None else "the key set for it may not use this model"
+    return (
+        f"{url} refused this call ({status}): its rules may forbid the question or the image; or, "
+        f'if it refuses all, {other}, set in the environment: VQA_STATE_KEYS="{place}=KEY"'
     )
 
 
