@@ -5,6 +5,7 @@ is missing, is counted and shown, and is asked again the next time.
 """
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -108,6 +109,9 @@ def ask(
 ) -> Iterator[AskProgress]:
     """Buy every answer that the store lacks, image by image.
 
+    A model that gives up on two images, one after another, is not asked on: the rest has failed,
+    too, and is asked again the next time.
+
     Args:
         project: its labelled train and test images and its questions; read once, at the start.
         model: every answer is stored under its fingerprint.
@@ -131,13 +135,22 @@ def ask(
         n_calls = len(images) * project.augmentation.n_copies * len(questions)
         progress = AskProgress(n_calls, n_calls - sum(len(job.questions) for job in jobs))
         yield progress
-        for image_jobs in _by_image(jobs):
+        left, given_up = deque(_by_image(jobs)), ""
+        while left:
+            # A model gave up: on that image alone, or for good? One from the other end tells.
+            image_jobs = left.pop() if given_up else left.popleft()
+            before, given_up = given_up, ""
             for bite in _replies(project, model, image_jobs, stop):
                 store.save(fingerprint, bite.answers)
                 progress = bite.added_to(progress, time.monotonic() - began, stop())
+                given_up = bite.given_up or given_up
                 yield progress
             if stop():
                 yield replace(progress, stopped=progress.n_left > 0)
+                return
+            if before and given_up and left:
+                rest = _Bite([], [Failure(given_up, for_all=True)] * progress.n_left)
+                yield rest.added_to(progress, time.monotonic() - began, False)
                 return
 
 
@@ -249,7 +262,12 @@ def _by_image(jobs: Iterable[_Job]) -> list[list[_Job]]:
 @dataclass(frozen=True, slots=True)
 class _Bite:
     answers: list[tuple[CopyKey, str, Answer]]
-    failures: list[str]
+    failures: list[Failure]
+
+    @property
+    def given_up(self) -> str:
+        """Why the model will not answer on; "" if it may."""
+        return next((failure.reason for failure in self.failures if failure.for_all), "")
 
     def added_to(self, progress: AskProgress, seconds: float, stopped: bool) -> AskProgress:
         after = replace(
@@ -257,7 +275,7 @@ class _Bite:
             n_asked=progress.n_asked + len(self.answers),
             n_failed=progress.n_failed + len(self.failures),
             seconds=seconds,
-            last_failure=self.failures[-1] if self.failures else progress.last_failure,
+            last_failure=self.failures[-1].reason if self.failures else progress.last_failure,
         )
         return replace(after, stopped=stopped and after.n_left > 0)
 
@@ -288,7 +306,7 @@ def _replies(
         reason = str(error)
     if stop():
         open_pairs.clear()  # they were not asked, so they did not fail
-    bite.failures.extend(reason for _ in open_pairs)
+    bite.failures.extend(Failure(reason) for _ in open_pairs)
     yield bite
 
 
@@ -305,7 +323,7 @@ def _asked(
 
 def _sort_in(reply: Reply, bite: _Bite, key: CopyKey, question: str) -> None:
     if isinstance(reply.outcome, Failure):
-        bite.failures.append(reply.outcome.reason)
+        bite.failures.append(reply.outcome)
     else:
         bite.answers.append((key, question, reply.outcome))
 
