@@ -14,7 +14,7 @@ from vqa_state.answers import Answer
 from vqa_state.asking import AskPlan
 from vqa_state.errors import ModelError
 from vqa_state.models.base import Failure, VQAModel
-from vqa_state.models.known import KnownModel, known_model, remember
+from vqa_state.models.known import KnownModel, known_as, known_model, remember
 from vqa_state.models.memory import Memory
 from vqa_state.models.sight import (
     N_CALLS,
@@ -26,7 +26,7 @@ from vqa_state.models.sight import (
     sight_of,
 )
 
-__all__ = ["CheckProgress", "ModelCheck", "Pace", "check_model", "first_look"]
+__all__ = ["CheckProgress", "ModelCheck", "Pace", "check_model", "first_look", "recalled"]
 
 #: Questions of the two timed calls; what they take gives the price of an image and of a question.
 _FEW, _MANY = 4, 16
@@ -147,6 +147,19 @@ def first_look(
     said = yield from _shown(run, whole=False)
     if not stop():
         yield _ended(run, sight_of(said), None)
+
+
+def recalled(name: str) -> ModelCheck | None:
+    """What was found last on this machine of a model with this name; nothing is asked of it."""
+    known = known_as(name)
+    if known is None or known.sight is None:
+        return None
+    pace = memory = None
+    if known.image is not None and known.question is not None:
+        pace = Pace(known.image, known.question)
+    if known.megabytes:
+        memory = Memory(known.megabytes, known.gpu_megabytes)
+    return ModelCheck(name, known.fingerprint, (), known.sight, pace, memory)
 
 
 @dataclass

@@ -6,6 +6,7 @@ import gradio as gr
 import pytest
 from stand_ins import finished
 
+from vqa_state.checking import first_look
 from vqa_state.errors import NothingToSearchError, ProjectError, VQAStateError
 from vqa_state.jobs import JobState
 from vqa_state.models.fake import ScriptedModel
@@ -203,6 +204,8 @@ def test_asking_answers_everything(desk: Desk, pid: str, scripted: ScriptedModel
 
 
 def test_asking_stops_and_goes_on(desk: Desk, pid: str, scripted: Any, gate: Any) -> None:
+    list(first_look(scripted))  # a new model would be shown some pictures first
+    scripted.asked.clear()
     gate.opened.clear()
     ask.start(desk, pid, "scripted")
     assert gate.reached.wait(10)

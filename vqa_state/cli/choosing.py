@@ -11,10 +11,11 @@ from vqa_state.asking import plan
 from vqa_state.checking import check_model
 from vqa_state.cli.options import Json, app, tell
 from vqa_state.cli.terminal import interruptible, say, show_check, show_download
-from vqa_state.errors import MissingPackageError, ModelError
+from vqa_state.errors import ModelError
 from vqa_state.models.address import ModelAddress, Source
 from vqa_state.models.approval import approve, approved, withdraw
 from vqa_state.models.hub import download
+from vqa_state.models.offers import offered
 from vqa_state.models.opening import folder_of
 from vqa_state.models.presets import PRESETS, Preset
 from vqa_state.models.standing import Standing, standing
@@ -48,7 +49,7 @@ def list_command(
 ) -> None:
     """The models to begin with, whether they are on this disk, and those that you approved."""
     if server is not None:
-        _list_server(server.removeprefix("server:"), as_json)
+        _list_server(server, as_json)
         return
     own = [*models.names(), *approved()]
     stands = {one.address: standing(ModelAddress.parse(one.address)) for one in PRESETS}
@@ -69,14 +70,8 @@ def list_command(
 
 
 def _list_server(url: str, as_json: bool) -> None:
-    """Typing the URL is the user's yes to this one call; no picture is sent."""
-    from vqa_state.models.server import list_models
-
-    try:
-        names = list_models(url)
-    except ModuleNotFoundError as error:
-        raise MissingPackageError(f"server:{url}", error.name or "openai") from error
-    addresses = [str(ModelAddress(Source.SERVER, url, name)) for name in names]
+    """Typing the URL is the user's yes to this one call."""
+    addresses = offered(url)
     words = "\n".join(addresses) or f"{url} offers no model"
     tell(as_json, {"server": url, "models": addresses}, words)
 

@@ -11,12 +11,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from vqa_state.checking import ModelCheck
+from vqa_state.checking import ModelCheck, recalled
 from vqa_state.errors import ProjectError
 from vqa_state.jobs import Jobs
 from vqa_state.models import VQAModel
+from vqa_state.models.known import known_as
 from vqa_state.project import Project, StateNames
 from vqa_state.questions import QuestionGrid, Wording, phrases_for
+from vqa_state.web.looking import Telling
 from vqa_state.web.shelf import Shelf
 from vqa_state.web.taken import Taken
 
@@ -40,6 +42,7 @@ class Desk:
         self._lock = threading.Lock()
         self._open: dict[str, _Open] = {}
         self._shelf = Shelf()
+        self.telling = Telling()
         self._checks: dict[str, ModelCheck] = {}
         self._early: set[str] = set()
 
@@ -102,8 +105,17 @@ class Desk:
         return self._shelf.loaded(name)
 
     def check(self, name: str) -> ModelCheck | None:
-        """What was found of a model since the app was started, if it was checked."""
-        return self._checks.get(name)
+        """What was found of a model, since the app was started or earlier on this machine."""
+        return self._checks.get(name) or recalled(name)
+
+    def fingerprint(self, project: Project, name: str) -> str:
+        """Of the model called `name`, as far as it is known without loading it; else ""."""
+        loaded, known = self.loaded(name), known_as(name)
+        if loaded is not None:
+            return loaded.fingerprint
+        if name == project.model and project.fingerprint:
+            return project.fingerprint
+        return "" if known is None else known.fingerprint
 
     def keep_check(self, name: str, found: ModelCheck) -> None:
         """Remember what was found of a model."""

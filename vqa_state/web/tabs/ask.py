@@ -8,12 +8,17 @@ import gradio as gr
 
 from vqa_state.asking import AskProgress, ask, plan
 from vqa_state.augment import Augmentation, AugmentationKind
+from vqa_state.checking import CheckProgress
+from vqa_state.errors import ModelError, NothingToSearchError, ProjectError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
-from vqa_state.pace import keep_pace
-from vqa_state.web import checks, road, watching, widgets
+from vqa_state.models.address import ModelAddress
+from vqa_state.pace import Estimate, estimate, keep_pace
+from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
+from vqa_state.web.looking import look_first, look_note, with_told
 from vqa_state.web.page import Page
 from vqa_state.web.tabs import model
+from vqa_state.web.tabs.model_words import preset_of
 from vqa_state.web.views import duration, note
 
 __all__ = ["Parts", "build", "wire"]
@@ -69,13 +74,14 @@ def wire(parts: Parts, page: Page) -> None:
     follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
     chosen = parts.choice.model
     page.fill(show, [chosen, *settings, parts.cost])
-    model.wire(parts.choice, page)
-    page.refresh(parts.tab, costs, [parts.cost])
+    for event in model.wire(parts.choice, page):
+        page.on(event.then, costs, [chosen], [parts.cost])
+    page.on(parts.tab.select, costs, [chosen], [parts.cost], queue=False)
     for field in (parts.kind.input, parts.amount.release, parts.n_copies.release):
-        page.change(field, augment, settings, [parts.cost])
+        page.change(field, augment, [*settings, chosen], [parts.cost])
     started = page.on(parts.start.click, start, [chosen], [])
     for trigger in (started.success, page.arrived.then):
-        page.then_road(page.on(follow(trigger).then, costs, (), [parts.cost]))
+        page.then_road(page.on(follow(trigger).then, costs, [chosen], [parts.cost]))
 
 
 def show(desk: Desk, pid: str) -> Any:
@@ -92,27 +98,59 @@ def show(desk: Desk, pid: str) -> Any:
     )
 
 
-def costs(desk: Desk, pid: str) -> Any:
-    """What asking will cost, before it starts."""
-    cost = road.cost(desk.snapshot(pid))
-    if cost is None:
+def costs(desk: Desk, pid: str, chosen: Any = None) -> Any:
+    """What asking the chosen model will cost, before it starts; None: the project's model."""
+    project = desk.snapshot(pid)
+    name = project.model if chosen is None else checks.text(chosen, "the model")
+    try:
+        cost = estimate(project, desk.fingerprint(project, name))
+    except (NothingToSearchError, ProjectError):
         return note("There is nothing to ask yet: label images, divide them, and give questions.")
+    what = cost.plan
     product = (
-        f"{cost.n_images:,} images × {cost.n_copies} copies × {cost.n_questions:,} questions "
-        f"= {cost.n_calls:,} calls"
+        f"{what.n_images:,} images × {what.n_copies} copies × {what.n_questions:,} questions "
+        f"= {what.n_calls:,} calls"
     )
-    if not cost.n_to_ask:
+    if not what.n_to_ask:
         return note(f"{product}; all of them are answered.", "good")
-    return note(f"{product}; {cost.n_stored:,} are answered, {cost.n_to_ask:,} are to be asked.")
+    asked = f"{what.n_stored:,} are answered, {what.n_to_ask:,} are to be asked."
+    return note("\n".join([f"{product}; {asked}", *_takes(cost, name)]))
 
 
-def augment(desk: Desk, pid: str, kind: Any, amount: Any, n_copies: Any) -> Any:
+def _takes(cost: Estimate, name: str) -> list[str]:
+    """Time, memory, and the look at a new model, in a sentence each."""
+    lines = ["How long that takes is not known here yet: Check measures it."]
+    if cost.seconds is not None:
+        lines = [f"That takes about {duration(cost.seconds)}, by the pace measured here."]
+    if cost.memory is not None:
+        lines.append(f"A process with the model in it takes {cost.memory}.")
+    elif (megabytes := _weights(name)) is not None:
+        lines.append(f"Its weights alone take {megabytes:,} MB of memory in float32.")
+    if cost.n_look:
+        lines.append(
+            f"Before them come up to {cost.n_look} calls, once, to see whether the model sees."
+        )
+    return lines
+
+
+def _weights(name: str) -> int | None:
+    """Megabytes of a preset's weights; None for all other models."""
+    try:
+        preset = preset_of(ModelAddress.parse(name))
+    except ModelError:
+        return None
+    return None if preset is None else preset.megabytes()
+
+
+def augment(
+    desk: Desk, pid: str, kind: Any, amount: Any, n_copies: Any, model_chosen: Any = None
+) -> Any:
     """Keep the settings of the copies; the new cost."""
     chosen = checks.choice(kind, AugmentationKind, "the change")
     size, n = checks.number(amount, "the amount"), checks.integer(n_copies, "the copies")
     with desk.changing(pid) as project:
         project.augmentation = checks.stated(lambda: Augmentation(chosen, size, n))
-    return costs(desk, pid)
+    return costs(desk, pid, model_chosen)
 
 
 def start(desk: Desk, pid: str, chosen: Any) -> None:
@@ -123,24 +161,28 @@ def start(desk: Desk, pid: str, chosen: Any) -> None:
 
 
 def asking(desk: Desk, pid: str, name: str) -> Work:
-    """The work: load the model, remember that it is the project's, ask, see how fast it is."""
+    """The work: load the model, keep it as the project's, look at it, ask, see how fast it is."""
 
-    def work(stop: StopFlag) -> Iterator[AskProgress]:
+    def work(stop: StopFlag) -> Iterator[AskProgress | CheckProgress]:
+        desk.telling.forget(pid, KIND)
         loaded = desk.model(name)
         with desk.changing(pid) as project:
             project.model, project.fingerprint = loaded.name, loaded.fingerprint
+        if plan(desk.snapshot(pid), loaded.fingerprint).n_to_ask:
+            yield from look_first(desk.telling, pid, KIND, loaded, stop)
         last: AskProgress | None = None
         for last in ask(desk.snapshot(pid), loaded, stop):
             yield last
         if last is not None and not last.stopped and not last.n_failed:
-            keep_pace(desk.snapshot(pid), loaded)
+            keep_pace(desk.snapshot(pid), loaded, stop)
 
     return work
 
 
-def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
-    """Progress, start and stop."""
-    return _progress(snapshot), *watching.buttons(snapshot)
+def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
+    """Progress with what is to be known of the model, start and stop."""
+    shown = with_told(_progress(snapshot), desk.telling(pid, KIND))
+    return shown, *watching.buttons(snapshot)
 
 
 def _progress(snapshot: Snapshot | None) -> Any:
@@ -148,9 +190,11 @@ def _progress(snapshot: Snapshot | None) -> Any:
         return note("")
     if snapshot.state is JobState.FAILED:
         return note(f"Failed: {snapshot.failure}", "bad")
-    report: AskProgress | None = snapshot.report
+    report: AskProgress | CheckProgress | None = snapshot.report
     if report is None:
         return note("Loading the model…", share=0.0)
+    if isinstance(report, CheckProgress):
+        return look_note(report)
     answered = report.n_stored + report.n_asked
     lines = [_headline(snapshot.state, report)]
     lines.append(

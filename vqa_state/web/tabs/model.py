@@ -3,28 +3,27 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import urlsplit
 
 import gradio as gr
 
 from vqa_state import models
-from vqa_state.asking import plan
-from vqa_state.checking import CheckProgress, ModelCheck, check_model
-from vqa_state.errors import ModelError, NothingToSearchError, ProjectError, VQAStateError
-from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
+from vqa_state.checking import CheckProgress, check_model
+from vqa_state.errors import ModelError, VQAStateError
+from vqa_state.jobs import Snapshot, StopFlag, Work
 from vqa_state.models.address import Device, ModelAddress, Precision, Source
-from vqa_state.models.approval import approved, is_approved
-from vqa_state.models.hub import DownloadProgress, download, is_cached
-from vqa_state.models.presets import PRESETS
-from vqa_state.models.sight import Sight
+from vqa_state.models.approval import check_approved, is_approved
+from vqa_state.models.hub import download
+from vqa_state.models.standing import Standing, convert, standing
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
-from vqa_state.web.views import duration, note
+from vqa_state.web.tabs.model_offers import list_offers, listed, server_alone, which_model
+from vqa_state.web.tabs.model_words import found_words, kind_words, progress_note
+from vqa_state.web.views import note
 
 __all__ = ["Parts", "about", "build", "listed", "wire"]
 
-#: Both kinds of work are watched by one line of the page, so they share a kind.
+#: All kinds of work are watched by one line of the page, so they share a kind.
 KIND = "preparing the model"
 
 HINT = "or type hub:OWNER/NAME, folder:/path/to/model, or server:http://host:port/v1#MODEL"
@@ -38,6 +37,8 @@ class Parts:
     about: gr.HTML
     allow: gr.Button
     download: gr.Button
+    convert: gr.Button
+    offers: gr.Button
     check: gr.Button
     stop: gr.Button
     progress: gr.HTML
@@ -57,6 +58,10 @@ def build() -> Parts:
             "Allow this model", elem_id="model-allow", visible=False, scale=0, min_width=190
         )
         bring = gr.Button("Download", elem_id="model-download", visible=False, scale=0)
+        old = gr.Button("Convert", elem_id="model-convert", visible=False, scale=0)
+        offers = gr.Button(
+            "Which models has it?", elem_id="model-offers", visible=False, scale=0, min_width=210
+        )
         look = gr.Button("Check: does it see?", elem_id="model-check", scale=0, min_width=210)
         stop = gr.Button("Stop", elem_id="model-stop", interactive=False, scale=0)
     progress = widgets.note("model-progress")
@@ -71,37 +76,32 @@ def build() -> Parts:
             info="with {question} where the question goes; empty: the model family's own",
             elem_id="model-prompt",
         )
-    return Parts(model, shown, allow, bring, look, stop, progress, device, precision, prompt)
+    offered = (shown, allow, bring, old, offers, look, stop, progress)
+    return Parts(model, *offered, device, precision, prompt)
 
 
-def wire(parts: Parts, page: Page) -> None:
-    """Connect the choice."""
-    told = [parts.about, parts.allow, parts.download]
+def wire(parts: Parts, page: Page) -> list[Any]:
+    """Connect the choice; return the events after which asking may cost something else."""
+    told = [parts.about, parts.allow, parts.download, parts.convert, parts.offers]
     shown = [parts.progress, parts.check, parts.stop]
     follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
     settings = [parts.device, parts.precision, parts.prompt]
-    page.on(parts.model.change, pick, [parts.model], [*told, *settings])
+    picked = page.on(parts.model.change, pick, [parts.model], [*told, *settings])
     for field in (parts.device.input, parts.precision.input, parts.prompt.blur):
         page.on(field, adjust, [parts.model, *settings], [parts.model])
     page.on(parts.allow.click, allow, [parts.model], told)
-    for button, fn in ((parts.download, start_download), (parts.check, start_check)):
+    page.on(parts.offers.click, list_offers, [parts.model], [parts.about, parts.model])
+    ended = []
+    starts = {
+        parts.download: start_download,
+        parts.convert: start_convert,
+        parts.check: start_check,
+    }
+    for button, fn in starts.items():
         started = page.on(button.click, fn, [parts.model], [])
-        page.on(follow(started.success).then, about, [parts.model], told)
+        ended.append(page.on(follow(started.success).then, about, [parts.model], told))
     follow(page.arrived.then)
-
-
-def listed(current: str) -> list[tuple[str, str]]:
-    """Titles and names: what is usable, the project's own, then the presets."""
-    own = [(name, name) for name in (*models.names(), *approved())]
-    known = {name for _, name in own}
-    if current and current not in known:
-        own.append((current, current))
-    presets = [
-        (f"{one.title} ({one.address})", one.address)
-        for one in PRESETS
-        if one.address not in known and one.address != current
-    ]
-    return own + presets
+    return [picked, *ended]
 
 
 def pick(desk: Desk, pid: str, model: Any) -> Any:
@@ -132,60 +132,37 @@ def adjust(_desk: Desk, _pid: str, model: Any, device: Any, precision: Any, prom
     return str(changed)
 
 
-def about(desk: Desk, pid: str, model: Any) -> Any:
-    """What the model is, and whether it must be allowed or downloaded first."""
+def about(desk: Desk, _pid: str, model: Any) -> Any:
+    """What the model is, and whether it must be allowed, downloaded, converted or named first."""
     name = checks.text(model, "the model")
     if not name or name in models.names():
-        return note(_told(desk, pid, name)), gr.Button(visible=False), gr.Button(visible=False)
+        return note(found_words(desk, name)), *_buttons()
+    url = server_alone(name)
+    if url is not None:
+        shown, can_list = which_model(url)
+        return shown, *_buttons(offers=can_list)
     try:
         address = ModelAddress.parse(name)
     except ModelError as error:
-        return note(f"{error}.", "warn"), gr.Button(visible=False), gr.Button(visible=False)
+        return note(f"{error}.", "warn"), *_buttons()
     is_new = not is_approved(address)
-    must_come = address.source is Source.HUB and not is_cached(address)
-    lines = [_kind(address, must_come), _told(desk, pid, name)]
+    # A folder that only a file names is not looked into.
+    unseen = is_new and address.source is Source.FOLDER
+    stands = Standing.READY if unseen else standing(address)
+    must_come = address.source is Source.HUB and stands is Standing.ABSENT
+    is_old = stands is Standing.OLD_WEIGHTS
+    lines = [kind_words(address, stands), found_words(desk, name)]
     return (
-        note("\n".join(line for line in lines if line), "warn" if is_new else "plain"),
-        gr.Button(visible=is_new),
-        gr.Button(visible=must_come and not is_new),
+        note("\n".join(line for line in lines if line), "warn" if is_new or is_old else "plain"),
+        *_buttons(allow=is_new, download=must_come and not is_new, convert=is_old and not is_new),
     )
 
 
-def _kind(address: ModelAddress, must_come: bool) -> str:
-    if address.source is Source.SERVER:
-        host = urlsplit(address.where).netloc
-        return f"Every picture and question is sent to {host}. Allow it only if that is right."
-    if address.source is Source.FOLDER:
-        return "It is read from a folder of this machine; nothing leaves it."
-    plain = f"{address.source}:{address.where}"
-    preset = next((one for one in PRESETS if one.address == plain), None)
-    words = "Not on this disk yet" if must_come else "On this disk"
-    if preset is None:
-        return f"{words}; see its page on the hub for its size and licence."
-    needs = f"; it needs {', '.join(preset.needs)}" if preset.needs else ""
-    gpu = "; on a processor it takes minutes an image" if preset.wants_gpu else ""
-    remark = f"; {preset.remark}" if preset.remark else ""
-    size = f"about {preset.megabytes() / 1000:.1f} GB of memory in float32"
-    return f"{words}; {size}, licence {preset.licence}{needs}{gpu}{remark}."
-
-
-def _told(desk: Desk, pid: str, name: str) -> str:
-    """What a check has found, with the time that this project would take."""
-    found = desk.check(name)
-    if found is None:
-        return ""
-    lines = [found.sentence, *found.notes, f"This process takes {found.memory}."]
-    if found.pace is not None:
-        try:
-            costs = plan(desk.snapshot(pid), found.fingerprint)
-        except (NothingToSearchError, ProjectError):
-            return "\n".join(lines)
-        time_left = duration(found.pace.seconds(costs))
-        lines.append(
-            f"To ask: {costs.n_to_ask:,} calls, {costs.n_stored:,} are in the store; about "
-            f"{time_left} on this machine."
-        )
-    return "\n".join(lines)
+def _buttons(
+    *, allow: bool = False, download: bool = False, convert: bool = False, offers: bool = False
+) -> tuple[gr.Button, ...]:
+    """Which of the buttons are there, in the order of the page."""
+    return tuple(gr.Button(visible=one) for one in (allow, download, convert, offers))
 
 
 def allow(desk: Desk, pid: str, model: Any) -> Any:
@@ -199,7 +176,21 @@ def start_download(desk: Desk, pid: str, model: Any) -> None:
     address = ModelAddress.parse(checks.text(model, "the model"))
     if address.source is not Source.HUB:
         raise ModelError("only a model of the hub can be downloaded: hub:OWNER/NAME")
+    check_approved(address)
     desk.jobs.start(pid, KIND, lambda flag: download(address, flag))
+
+
+def start_convert(desk: Desk, pid: str, model: Any) -> None:
+    """Begin to write old weights as safetensors."""
+    address = ModelAddress.parse(checks.text(model, "the model"))
+    check_approved(address)
+    desk.jobs.start(pid, KIND, lambda _: _converting(address))
+
+
+def _converting(address: ModelAddress) -> Iterator[str]:
+    yield "Converting its weights…"
+    convert(address)
+    yield "Converted: it can be used now."
 
 
 def start_check(desk: Desk, pid: str, model: Any) -> None:
@@ -219,41 +210,7 @@ def _checking(desk: Desk, name: str) -> Work:
 
 def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
     """Progress, check and stop."""
-    return _progress(snapshot), *watching.buttons(snapshot)
-
-
-def _progress(snapshot: Snapshot | None) -> Any:
-    if snapshot is None:
-        return note("")
-    if snapshot.state is JobState.FAILED:
-        return note(f"Failed: {snapshot.failure}", "bad")
-    report: CheckProgress | DownloadProgress | None = snapshot.report
-    if snapshot.state is JobState.STOPPED:
-        return note("Stopped. What came is kept.", "warn")
-    if report is None:
-        return note("Beginning…", share=0.0)
-    if isinstance(report, DownloadProgress):
-        return _downloaded(report, snapshot.state)
-    if report.result is not None:
-        return _checked(report.result)
-    return note(
-        f"Showing it pictures: {report.n_done} of {report.n_total} calls",
-        share=report.n_done / report.n_total,
-    )
-
-
-def _downloaded(report: DownloadProgress, state: JobState) -> Any:
-    if state is JobState.DONE:
-        return note("It is on this disk now.", "good")
-    left = report.seconds_left
-    words = f"{report.n_bytes / 1e6:,.0f} of {report.total / 1e6:,.0f} MB"
-    words += "" if left is None else f", about {duration(left)} left"
-    return note(words, share=report.n_bytes / report.total if report.total else 0.0)
-
-
-def _checked(found: ModelCheck) -> Any:
-    tones = {Sight.TELLS: "good", Sight.SEES: "warn", Sight.BLIND: "bad", Sight.SILENT: "bad"}
-    return note(found.sentence, tones[found.sight])
+    return progress_note(snapshot), *watching.buttons(snapshot)
 
 
 def _address(name: str) -> ModelAddress | None:

@@ -7,12 +7,14 @@ from typing import Any
 import gradio as gr
 
 from vqa_state.asking import AskProgress, ask
+from vqa_state.checking import CheckProgress
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.rechecking import Rechecked, recheck
 from vqa_state.recognizer import Recognizer
 from vqa_state.tuning import OptimizeProgress, optimize, recognizer_path
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
+from vqa_state.web.looking import look_first, look_note, with_told
 from vqa_state.web.page import Page
 from vqa_state.web.tabs.model import HINT, listed
 from vqa_state.web.views import duration, note
@@ -84,10 +86,13 @@ def start_again(desk: Desk, pid: str, model: Any) -> None:
 
 
 def rechecking(desk: Desk, pid: str, recognizer: Recognizer, name: str) -> Work:
-    """The work: ask the recognizer's questions, compare."""
+    """The work: look at the model, ask the recognizer's questions, compare."""
 
-    def work(flag: StopFlag) -> Iterator[AskProgress | Rechecked]:
-        for step in recheck(recognizer, desk.snapshot(pid), desk.model(name), flag):
+    def work(flag: StopFlag) -> Iterator[AskProgress | CheckProgress | Rechecked]:
+        desk.telling.forget(pid, KIND)
+        loaded = desk.model(name)
+        yield from look_first(desk.telling, pid, KIND, loaded, flag)
+        for step in recheck(recognizer, desk.snapshot(pid), loaded, flag):
             if isinstance(step, Rechecked):
                 with desk.changing(pid) as project:
                     project.test_looks += 1
@@ -99,10 +104,12 @@ def rechecking(desk: Desk, pid: str, recognizer: Recognizer, name: str) -> Work:
 def tuning(desk: Desk, pid: str, name: str) -> Work:
     """The work: the whole road from questions to recognizers, on another model."""
 
-    def work(flag: StopFlag) -> Iterator[AskProgress | OptimizeProgress]:
+    def work(flag: StopFlag) -> Iterator[AskProgress | CheckProgress | OptimizeProgress]:
+        desk.telling.forget(pid, KIND)
         loaded = desk.model(name)
         with desk.changing(pid) as project:
             project.model, project.fingerprint = loaded.name, loaded.fingerprint
+        yield from look_first(desk.telling, pid, KIND, loaded, flag)
         yield from ask(desk.snapshot(pid), loaded, flag)
         if not flag():
             yield from optimize(desk.snapshot(pid), flag)
@@ -110,10 +117,11 @@ def tuning(desk: Desk, pid: str, name: str) -> Work:
     return work
 
 
-def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any, Any]:
-    """Progress, both beginnings and stop."""
+def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any, Any]:
+    """Progress with what is to be known of the model, both beginnings and stop."""
     start, stop = watching.buttons(snapshot)
-    return _progress(snapshot), start, start, stop
+    shown = with_told(_progress(snapshot), desk.telling(pid, KIND))
+    return shown, start, start, stop
 
 
 def _progress(snapshot: Snapshot | None) -> Any:
@@ -123,9 +131,11 @@ def _progress(snapshot: Snapshot | None) -> Any:
         return note(f"Failed: {snapshot.failure}", "bad")
     if snapshot.state is JobState.STOPPED:
         return note("Stopped. What was answered is kept.", "warn")
-    report: AskProgress | OptimizeProgress | Rechecked | None = snapshot.report
+    report: AskProgress | CheckProgress | OptimizeProgress | Rechecked | None = snapshot.report
     if report is None:
         return note("Loading the model…", share=0.0)
+    if isinstance(report, CheckProgress):
+        return look_note(report)
     if isinstance(report, Rechecked):
         return _found(report)
     if snapshot.state is JobState.DONE:
