@@ -1,10 +1,14 @@
 """What the test images say, their labels and their answers, never reaches a choice.
 
-Two worlds with one training side. In one, the model answers otherwise about the test images, or
-they have other labels. All that is chosen, kept or shown before a look must be the same.
+Two worlds with one training side. In one, the model answers otherwise about the test images, they
+have other labels, or they are other images. All that is chosen, kept or shown before a look must be
+the same.
 """
 
+from dataclasses import replace
+
 import pytest
+from pictures import picture
 from test_assessing import Colours, without_time
 from tuned_project import MODEL, unsure
 
@@ -24,6 +28,10 @@ from vqa_state.standings import standings
 from vqa_state.suggesting import hints
 from vqa_state.tuning import optimize, paper_recognizer, results
 from vqa_state.voting.kinds import VoteKind
+
+
+# Perceptual hashes: the one between differs from both others by 6 bits, they from each other by 12.
+HERE, BETWEEN, THERE = "0" * 16, "0" * 14 + "3f", "0" * 13 + "fff"
 
 
 def flipped(image, question):
@@ -69,6 +77,8 @@ def world(make_project, folder, about_test, change):
     project = make_project(folder, n_train=4, n_test=3)
     project.search = SearchSettings(population=20, generations=4)
     project.model, project.fingerprint = MODEL.name, MODEL.fingerprint
+    for image, looks in zip(project.labelled(Split.TRAIN), (HERE, THERE), strict=False):
+        project.images[image.id] = replace(image, looks=looks)
     held_out = held_out_copies(project)
     about_test = perfect(held_out) if about_test == "perfect" else about_test
     change(project)
@@ -92,7 +102,7 @@ def chosen_in(project):
     files += [paper_recognizer(project, found, objective) for objective in found.searches]
     return {
         "searches": {o: s.model_dump_json() for o, s in found.searches.items()},
-        "assessment": without_time(kept),
+        "assessment": without_time(without_test_sides(kept, project)),
         "recognizers": [
             one.model_copy(
                 update={"scores": one.scores.model_copy(update={"test": None})}
@@ -108,6 +118,13 @@ def chosen_in(project):
     }
 
 
+def without_test_sides(kept, project):
+    """What the rival sees in each test image is kept, but chooses nothing."""
+    trained = {image.id for image in project.labelled(Split.TRAIN)}
+    sides = {image_id: side for image_id, side in kept.rival.sides.items() if image_id in trained}
+    return kept.model_copy(update={"rival": kept.rival.model_copy(update={"sides": sides})})
+
+
 def nothing(project):
     pass
 
@@ -119,6 +136,25 @@ def other_labels(project):
 
 def one_state(project):
     project.set_labels([image.id for image in project.labelled(Split.TEST)], 1)
+
+
+def add_one(project):
+    image = project.add(picture(50), "added.png", 1).image
+    project.set_splits([image.id], Split.TEST)
+
+
+def remove_one(project):
+    project.set_splits([project.labelled(Split.TEST)[0].id], Split.UNUSED)
+
+
+def remove_all(project):
+    project.set_splits([image.id for image in project.labelled(Split.TEST)], Split.UNUSED)
+
+
+def bridge(project):
+    """A test image that looks like two training images, which do not look like each other."""
+    image = project.labelled(Split.TEST)[0]
+    project.images[image.id] = replace(image, looks=BETWEEN)
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +170,10 @@ CHANGES = [
     pytest.param(failing, nothing, id="failed calls"),
     pytest.param(unsure, other_labels, id="opposite labels"),
     pytest.param(unsure, one_state, id="one state only"),
+    pytest.param(unsure, add_one, id="one image more"),
+    pytest.param(unsure, remove_one, id="one image less"),
+    pytest.param(unsure, remove_all, id="no test image"),
+    pytest.param(unsure, bridge, id="a look-alike of two training images"),
 ]
 
 

@@ -29,6 +29,7 @@ from vqa_state.project import Project
 from vqa_state.rival_trial import RivalRecord, RivalStage, RivalStep, try_rival
 from vqa_state.scores import Counts, Objective, count
 from vqa_state.search.genetic import SearchSettings, search
+from vqa_state.splits import look_alikes
 from vqa_state.tuning import Results, results, table_digest
 from vqa_state.voting.choosing import Recommendation
 from vqa_state.voting.estimates import Estimate, known_mean
@@ -291,9 +292,14 @@ def _curve(out: OutOfBag, kind: VoteKind, train: AnswerTable) -> tuple[CoverageP
 
 
 def _groups(project: Project, image_ids: tuple[str, ...]) -> NDArray[np.int64]:
-    """Number of each training image's group of look-alikes, by the order of the images."""
+    """Number of each training image's group of look-alikes, by the order of the images.
+
+    Among the training images alone: two that are alike only through a test image, or through one
+    without a label, are two. Else a test image would decide how training images are divided.
+    """
+    looks = {image_id: project.images[image_id].looks for image_id in image_ids}
     group_of: Mapping[str, str] = {
-        image_id: min(group) for group in project.look_alikes() for image_id in group
+        image_id: min(group) for group in look_alikes(looks) for image_id in group
     }
     names = [group_of.get(image_id, image_id) for image_id in image_ids]
     number_of = {name: number for number, name in enumerate(dict.fromkeys(names))}
