@@ -203,3 +203,51 @@ def test_a_rule_refuses_a_sureness_out_of_range(min_sureness):
 def test_reasons(verdicts, sentence):
     rule = AbstainRule(equal_vote(2), min_sureness=0.5)
     assert rule.judge(np.array(verdicts, np.int8)).reason("open") == sentence
+
+
+@pytest.mark.parametrize(
+    ("kind", "weights", "threshold", "column", "sentence", "confidence"),
+    [
+        (
+            VoteKind.THRESHOLD, (1,) * 5, 0.3, [1, 1, -1, -1, -1],
+            "the vote stands at 40%, open wins above 30%", 0.4,
+        ),
+        (
+            VoteKind.THRESHOLD, (1,) * 5, 0.4, [1, 1, -1, -1, -1],
+            "the vote is a tie: it stands at 40%, open wins above 40%", 0.6,
+        ),
+        (
+            VoteKind.THRESHOLD, (1,) * 5, 0.5, [1, 1, -1, -1, -1],
+            "40% of the valid votes speak for open", 0.6,
+        ),
+        (
+            VoteKind.THRESHOLD, (1,) * 5, 0.396, [1, 1, -1, -1, -1],
+            "the vote stands at 40.0%, open wins above 39.6%", 0.4,
+        ),
+        (
+            VoteKind.WEIGHTED_ANSWERS, (1000, 1, 1, 1, 1), 0.5, [1, -1, -1, -1, -1],
+            "the vote stands at 99.6%, open wins above 50.0%", 1000 / 1004,
+        ),
+        (
+            VoteKind.WEIGHTED_ANSWERS, (1,) * 5, 0.5, [0, 0, 0, 0, -1],
+            "the vote stands at 40%, open wins above 50%", 0.6,
+        ),
+    ],
+)  # fmt: skip
+def test_reasons_of_votes_that_are_not_the_papers(
+    kind, weights, threshold, column, sentence, confidence
+):
+    rule = AbstainRule(FittedVote(kind, tuple(range(5)), weights, (False,) * 5, threshold))
+    judged = rule.judge(np.array([column], np.int8))
+    assert judged.reason("open") == sentence
+    assert judged.confidence == pytest.approx(confidence)
+
+
+def test_an_unsure_vote_of_another_kind_says_where_it_stands():
+    rule = AbstainRule(FittedVote(VoteKind.THRESHOLD, (0, 1, 2), (1,) * 3, (False,) * 3, 0.4), 0.9)
+    judged = rule.judge(np.array([[1, 1, -1], [1, 0, -1]], np.int8))
+    assert judged.state is State.UNKNOWN
+    assert judged.reason("open") == (
+        "the vote is not sure enough (0.28 of the 0.90 that a verdict needs): the vote stands at "
+        "60%, open wins above 40%; 17% of all are invalid, 2 of 2 copies agree"
+    )

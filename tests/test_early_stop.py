@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ruling import ANY, ballots_of, equal_vote, rules, votes
+from ruling import ANY, equal_vote, rules, votes
 
 from vqa_state.abstaining import AbstainRule
 from vqa_state.answers import MISSING
@@ -14,7 +14,6 @@ from vqa_state.early_stop import (
     Batch,
     Schedule,
     calls_needed,
-    decisive_first,
     is_settled,
     verdict_so_far,
 )
@@ -170,34 +169,6 @@ def test_batches():
     assert Schedule((2, 0), 2, Batch.QUESTION).batches() == [[(0, 2), (1, 2)], [(0, 0), (1, 0)]]
     single = Schedule((2, 0), 2, Batch.CALL).batches()
     assert single == [[(0, 2)], [(1, 2)], [(0, 0)], [(1, 0)]]
-
-
-def test_decisive_questions_come_first():
-    labels = np.array([1, -1], np.int8)
-    right, wrong, poor = [[1], [-1]], [[-1], [1]], [[1], [0]]
-    table = np.concatenate([wrong, poor, right, right, wrong], axis=1).astype(np.int8)
-    verdicts = table[:, np.newaxis, :]  # one copy
-    vote = FittedVote(VoteKind.PAPER, (0, 1, 2, 3, 4), (1, 1, 1, 3, 1), (False,) * 4 + (True,), 0.5)
-    ballots = ballots_of(verdicts, np.zeros(verdicts.shape, np.float32))
-    assert decisive_first(vote, ballots, labels) == (3, 2, 4, 1, 0)
-    with pytest.raises(ValueError, match="need 2 labels"):
-        decisive_first(vote, ballots, labels[:1])
-
-
-def test_decisive_questions_first_never_need_more_where_answers_are_right():
-    """All answers of a question are right or all wrong: the sorted order is the best of all."""
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        right = rng.choice([-1, 1], 5, p=[0.3, 0.7])
-        verdicts = np.tile(right, (2, 2, 1)).astype(np.int8) * np.array([[[1]], [[-1]]], np.int8)
-        labels = np.array([1, -1], np.int8)
-        if right.sum() <= 0:
-            continue
-        rule = AbstainRule(equal_vote(5))
-        best = decisive_first(rule.vote, ballots_of(verdicts, 0.0 * verdicts), labels)
-        sorted_needs = calls_needed(rule, Schedule(best, 2, Batch.CALL), verdicts)
-        other = calls_needed(rule, Schedule((0, 1, 2, 3, 4), 2, Batch.CALL), verdicts)
-        assert (sorted_needs <= other).all()
 
 
 def test_a_schedule_fits_its_vote():

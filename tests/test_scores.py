@@ -253,7 +253,14 @@ def test_a_subset_is_distinct_positions(subset):
 
 @pytest.mark.parametrize(
     "weights",
-    [{"alpha": -1}, {"alpha": math.inf}, {"alpha": math.nan}, {"beta": -0.1}, {"beta": 1}],
+    [
+        {"alpha": -1},
+        {"alpha": 1_000_001},
+        {"alpha": math.inf},
+        {"alpha": math.nan},
+        {"beta": -0.1},
+        {"beta": 1},
+    ],
 )
 def test_weights_are_validated(weights):
     with pytest.raises(ValueError, match="must be"):

@@ -34,6 +34,9 @@ from vqa_state.voting.kinds import MILLION, FittedVote, VoteKind
 
 __all__ = ["AbstainRule", "Judgement"]
 
+_MOST_DIGITS = 4  # of a percentage: a threshold has six
+_EQUAL = 1e-12
+
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
@@ -49,6 +52,8 @@ class Judgement:
         n_agreeing: copies whose own vote says what `leaning` says.
         sureness: in [0, 1].
         min_sureness: what a verdict needs.
+        threshold: share above which the positive state wins.
+        by_majority: whether the most of the valid answers win, each counting one, as in the paper.
     """
 
     state: State
@@ -59,21 +64,55 @@ class Judgement:
     n_agreeing: int
     sureness: float
     min_sureness: float
+    threshold: float = 0.5
+    by_majority: bool = True
+
+    @property
+    def confidence(self) -> float:
+        """The share of the state that wins, or leads unsurely; of a tie, the larger one.
+
+        In [0, 1], below one half where a low threshold lets few answers win; NaN if nothing counts.
+        """
+        if self.leaning is State.UNKNOWN:
+            return max(self.share, 1 - self.share)
+        return self.share if self.leaning is State.POSITIVE else 1 - self.share
 
     def reason(self, positive: str) -> str:
         """Why, in one sentence; `positive` is the user's word for the positive state."""
         if math.isnan(self.share):
             return "no answer was a clear yes or no"
-        share = f"{self.share:.0%} of the valid votes speak for {positive}"
+        stand = self._stand(positive)
         if self.leaning is State.UNKNOWN:
-            return f"the vote is a tie: {share}"
+            return f"the vote is a tie: {stand.replace('the vote', 'it')}"
         if self.state is not State.UNKNOWN:
-            return share
+            return stand
         return (
             f"the vote is not sure enough ({self.sureness:.2f} of the {self.min_sureness:.2f} "
-            f"that a verdict needs): {share}, {self.invalid:.0%} of all are invalid, "
+            f"that a verdict needs): {stand}{',' if self.by_majority else ';'} "
+            f"{self.invalid:.0%} of all are invalid, "
             f"{self.n_agreeing} of {self.n_copies} copies agree"
         )
+
+    def _stand(self, positive: str) -> str:
+        """Where the vote stands; with weights or another threshold, that is no share of answers."""
+        if self.by_majority:
+            return f"{self.share:.0%} of the valid votes speak for {positive}"
+        digits = _digits(self.share, self.threshold)
+        return (
+            f"the vote stands at {self.share:.{digits}%}, "
+            f"{positive} wins above {self.threshold:.{digits}%}"
+        )
+
+
+def _digits(share: float, threshold: float) -> int:
+    """The fewest that part a share from the threshold, and from 0 and 100 %, if it is not that."""
+    others = [limit for limit in (threshold, 0.0, 1.0) if abs(share - limit) > _EQUAL]
+    shown = (
+        digits
+        for digits in range(_MOST_DIGITS)
+        if f"{share:.{digits}%}" not in [f"{limit:.{digits}%}" for limit in others]
+    )
+    return next(shown, _MOST_DIGITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +185,14 @@ class AbstainRule:
             n_agreeing=int(tally.n_agreeing[0]),
             sureness=sureness,
             min_sureness=self.min_sureness,
+            threshold=self.vote.threshold,
+            by_majority=self._by_majority,
         )
+
+    @property
+    def _by_majority(self) -> bool:
+        equal = not self.vote.kind.weighted and set(self.vote.weights) == {1}
+        return equal and self.vote.threshold == 0.5  # written with six digits, so it is exact
 
 
 _STATES = {1: State.POSITIVE, -1: State.NEGATIVE, 0: State.UNKNOWN}

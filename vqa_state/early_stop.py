@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from vqa_state.abstaining import AbstainRule
 from vqa_state.answers import MISSING
 from vqa_state.verdict import State
-from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
+from vqa_state.voting.kinds import FittedVote, VoteKind
 
-__all__ = ["Batch", "Schedule", "calls_needed", "decisive_first", "is_settled", "verdict_so_far"]
+__all__ = ["Batch", "Schedule", "calls_needed", "is_settled", "verdict_so_far"]
 
 
 class Batch(StrEnum):
@@ -166,32 +166,6 @@ def calls_needed(
     calls = np.cumsum([len(batch) for batch in batches])
     needed: NDArray[np.int64] = calls[enough - 1]
     return needed
-
-
-def decisive_first(vote: FittedVote, ballots: Ballots, labels: NDArray[np.int8]) -> tuple[int, ...]:
-    """The vote's questions, those first that bring it furthest towards the right verdict.
-
-    A question brings its weight times the mean of its answers, +1 for the label and -1 against it,
-    over training images. This changes what is asked first, never the verdict.
-
-    Args:
-        vote: which questions, weights and flips.
-        ballots: the training images' answers to all questions of the table.
-        labels: their states, +1 or -1, (n_images,).
-
-    Raises:
-        ValueError: if the labels do not fit.
-    """
-    if labels.shape != (ballots.n_images,):
-        raise ValueError(f"need {ballots.n_images} labels, got {labels.shape}")
-    towards = labels.astype(np.int64) @ (ballots.positive - ballots.negative)  # (n_questions,)
-    brings = {
-        question: weight * int(towards[question]) * (-1 if flipped else 1)
-        for question, weight, flipped in zip(
-            vote.questions, vote.weights, vote.flipped, strict=True
-        )
-    }
-    return tuple(sorted(brings, key=lambda question: (-brings[question], question)))
 
 
 def _answered(

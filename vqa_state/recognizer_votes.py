@@ -108,7 +108,7 @@ def as_verdict(
         state=judged.state,
         state_name=names.get(judged.state, "unknown"),
         reason=reason,
-        confidence=max(judged.share, 1 - judged.share),
+        confidence=judged.confidence,
         n_positive=n_positive,
         n_negative=n_negative,
         n_invalid=len(votes) - n_positive - n_negative,

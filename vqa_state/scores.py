@@ -34,6 +34,9 @@ __all__ = [
 ]
 
 
+_MOST_ALPHA = 1_000_000
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Counts:
     """How many copies of each image got each kind of answer to each question.
@@ -127,16 +130,17 @@ class ObjectiveWeights:
     """Weights of the recognized images (alpha) and of the number of questions (beta).
 
     Raises:
-        ValueError: if alpha is negative or not finite, or beta lies outside [0, 1). From 1 on,
-            a subset could score worse than the empty one, which is not a solution.
+        ValueError: if alpha lies outside [0, 1,000,000], or beta outside [0, 1). With a larger
+            alpha the other terms would drown in rounding; from beta 1 on, a subset could score
+            worse than the empty one, which is not a solution.
     """
 
     alpha: float = 100.0
     beta: float = 0.1
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.alpha) and self.alpha >= 0):
-            raise ValueError(f"alpha must be a finite number from 0 up, got {self.alpha}")
+        if not 0 <= self.alpha <= _MOST_ALPHA:
+            raise ValueError(f"alpha must be a number from 0 to {_MOST_ALPHA:,}, got {self.alpha}")
         if not 0 <= self.beta < 1:
             raise ValueError(f"beta must be at least 0 and below 1, got {self.beta}")
 
