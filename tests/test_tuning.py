@@ -28,6 +28,7 @@ from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import SearchSettings, search
 from vqa_state.search.proof import Badge
 from vqa_state.splits import Split
+from vqa_state.standings_words import badge_sentences
 from vqa_state.tuning import optimize, recognizer_path, refresh, results
 from vqa_state.verdict import State
 
@@ -83,6 +84,20 @@ def test_subsets_are_proved_best_and_beside_the_papers(asked):
         assert saved.paper.value == fitness.terms(saved.paper.subset).value <= best.value
         origin = Recognizer.load(recognizer_path(asked, objective)).origin
         assert (origin.engine, origin.proof) == (Engine.DEFAULT, saved.proof)
+
+
+@pytest.mark.parametrize("n_reports", [2, SMALL.generations, SMALL.generations + 1])
+def test_the_papers_search_counts_only_if_it_came_to_its_end(asked, n_reports):
+    """A stop between its first and last generation leaves a result that the paper never had."""
+    n_seen = 0
+    for _ in optimize(asked, lambda: n_seen >= n_reports, prove=False):
+        n_seen += 1
+    ended = n_reports > SMALL.generations
+    for objective, saved in results(asked).searches.items():
+        assert not saved.finished
+        assert (saved.paper is not None) is ended
+        said = badge_sentences(results(asked))[list(Objective).index(objective)]
+        assert ("the paper's one search found" in said) is ended
 
 
 def exact_best(counts, objective):

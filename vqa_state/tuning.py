@@ -117,7 +117,7 @@ class SavedSearch(BaseModel):
     finished: bool
     proof: ProofRecord | None = None
     paper: PaperRun | None = None
-    """None if the engine is the paper's own."""
+    """None if the engine is the paper's own, or a stop came before its last generation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +268,7 @@ def _keep(
     papers: Mapping[Objective, SearchReport],
 ) -> None:
     for objective, report in progress.reports.items():
-        proof, paper = progress.proofs.get(objective), papers.get(objective)
+        proof, paper = progress.proofs.get(objective), _ended(papers.get(objective))
         saved = SavedSearch(
             objective=objective,
             table=table_digest(train),
@@ -284,6 +284,11 @@ def _keep(
         )
         write_atomically(_search_path(project, objective), saved.model_dump_json().encode())
     refresh(project)
+
+
+def _ended(paper: SearchReport | None) -> SearchReport | None:
+    """The paper's search only if it came to its end: half of it is no result of the paper's."""
+    return paper if paper is not None and paper.generation == paper.total else None
 
 
 def _proof_record(proof: ProofReport) -> ProofRecord:
