@@ -1,6 +1,6 @@
 """Our engine: climbs against every neighbour, never below the genetic search, one seed one run."""
 
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 import pytest
@@ -106,3 +106,31 @@ def test_wrong_numbers_are_refused_at_once():
         default_search(counts, Objective.S_PLUS, n_climbs=-1, seed=0)
     with pytest.raises(ValueError, match="seed must be 0 or more"):
         default_search(counts, Objective.S_PLUS, seed=-1)
+
+
+def test_a_climb_ends_where_a_gain_drowns_in_rounding():
+    """Beside a huge value a step of no gain looks like one; the weights' own limit is below."""
+    counts, huge = draw_counts(0, 6, 40), ObjectiveWeights(alpha=1_000_000)
+    object.__setattr__(huge, "alpha", 2e12)
+    steps = Climber(counts, Objective.S_PRIME_MINUS, huge).steps(np.zeros(40, dtype=np.uint8))
+    assert len(list(islice(steps, 500))) < 500
+
+
+def test_a_large_table_gets_the_work_of_so_many_climbs():
+    """All objectives report equally often, and a report never takes more than some steps."""
+    counts = draw_counts(4, 200, 120, 6)
+    runs = {
+        objective: list(default_search(counts, objective, settings=QUICK, n_climbs=10, seed=0))
+        for objective in (Objective.S_PLUS, Objective.S_PRIME_MINUS)
+    }
+    assert len({len(reports) for reports in runs.values()}) == 1
+    for objective, reports in runs.items():
+        assert [r.generation for r in reports] == list(range(len(reports)))
+        assert {r.total for r in reports} == {len(reports) - 1}
+        best = [r.best_fitness for r in reports]
+        assert best == sorted(best)
+        assert best[-1] > best[QUICK.generations]
+        evaluations = np.diff([r.n_evaluations for r in reports[QUICK.generations :]])
+        assert evaluations.max() <= 4 * (120 + 2016)
+        again = default_search(counts, objective, settings=QUICK, n_climbs=10, seed=0)
+        assert reports == list(again)

@@ -8,7 +8,7 @@ from search_tables import brute_force, draw_counts, repeat_questions
 
 from vqa_state.errors import NothingToSearchError
 from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
-from vqa_state.search import exact
+from vqa_state.search import waiting
 from vqa_state.search.classes import question_classes
 from vqa_state.search.exact import can_enumerate, enumerate_subsets
 from vqa_state.search.fitness import Fitness
@@ -121,13 +121,18 @@ def test_large_counts_do_not_overflow():
 
 
 def test_a_stop_is_heard_and_reported(monkeypatch):
-    monkeypatch.setattr(exact, "_RIGHT_HALVES_A_REPORT", 1)
-    counts, asked = draw_counts(2, n_questions=12), []
-    reports = list(
-        enumerate_subsets(counts, Objective.S_PLUS, stop=lambda: asked.append(0) or len(asked) > 3)
-    )
-    assert not reports[-1].finished
-    assert len(asked) == 4
+    """It is asked at every right half: while counting, then while comparing."""
+    monkeypatch.setattr(waiting, "_POLL_SECONDS", 0)
+    counts = draw_counts(2, n_questions=12)
+    for most in (3, 2**6 + 3):
+        asked = []
+        reports = list(
+            enumerate_subsets(
+                counts, Objective.S_PLUS, stop=lambda a=asked, m=most: a.append(0) or len(a) > m
+            )
+        )
+        assert not reports[-1].finished
+        assert len(asked) == most + 1
 
 
 def test_one_state_is_nothing_to_search():

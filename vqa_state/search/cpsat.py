@@ -13,6 +13,7 @@ Source: paper II-B; L. Perron and F. Didier, "CP-SAT", OR-tools.
 """
 
 import math
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,10 @@ __all__ = ["SCALE", "ValueReport", "best_value", "images_come_first"]
 
 #: Steps into which a rate is divided.
 SCALE = 1_000_000
+
+# Terms of the largest model: 1000 questions on 80 images. A larger one takes minutes to build and
+# to simplify, before the solver's own limit counts, and then its bound hardly falls.
+_MOST_CELLS = 2_500_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +85,8 @@ def best_value(
         stop: asked several times a second.
 
     Yields:
-        The start, then whenever the best or the bound got better.
+        The start, then whenever the best or the bound got better. Of tables whose model would be
+        too large to build, the start alone, with the bound that `n_recognized` gives.
     """
     classes = question_classes(counts, objective)
     fitness = Fitness(counts, objective, weights)
@@ -89,10 +95,16 @@ def best_value(
     best = tuple(sorted(subset))
     report = ValueReport(fitness.terms(best).value, cap, best)
     yield report
-    model = _Model(classes, weights.alpha, signed_beta)
-    model.limit_images(n_recognized, images_come_first(counts.n_images, weights))
-    model.start_from(report.subset)
-    solver = _Solver(model, deterministic_time)
+    if _cells(classes) > _MOST_CELLS:
+        return
+
+    def build(stop: Callable[[], bool]) -> _Model:
+        model = _Model(classes, weights.alpha, signed_beta, stop)
+        model.limit_images(n_recognized, images_come_first(counts.n_images, weights))
+        model.start_from(best)
+        return model
+
+    solver = _Solver(build, deterministic_time)
     work = Work(solver.run, stop, solver.interrupt)
     for news in work:
         better = _take_in(report, news, fitness)
@@ -121,12 +133,37 @@ def _take_in(report: ValueReport, news: _News, fitness: Fitness) -> ValueReport:
     return ValueReport(value, max(value, min(report.bound, news.bound)), subset)
 
 
-class _Model:
-    """E in whole numbers."""
+def _cells(classes: QuestionClasses) -> int:
+    """Terms of the model, roughly: of each image's vote, of the cases, and of the rates."""
+    rates = _same_rows(classes.asked)
+    n_linear = sum(_is_even(classes.asked[images[0]]) for images in rates)
+    n_rows = 2 * classes.n_images + classes.n_questions * (1 + n_linear) + 4 * len(rates)
+    return n_rows * len(classes.members)
 
-    def __init__(self, classes: QuestionClasses, alpha: float, signed_beta: float) -> None:
+
+class _StoppedError(Exception):
+    """The model is not wanted any more."""
+
+
+class _Model:
+    """E in whole numbers.
+
+    Building a large one takes seconds, so `stop` is asked at every image and case.
+
+    Raises:
+        _StoppedError: if `stop` says so.
+    """
+
+    def __init__(
+        self,
+        classes: QuestionClasses,
+        alpha: float,
+        signed_beta: float,
+        stop: Callable[[], bool],
+    ) -> None:
         from ortools.sat.python import cp_model
 
+        self._stop = stop
         self.cp = cp_model.CpModel()
         self.classes = classes
         self.unit = classes.n_images * SCALE
@@ -171,7 +208,12 @@ class _Model:
 
         return cp_model.LinearExpr.weighted_sum(self.chosen, answers.tolist())
 
+    def _go_on(self) -> None:
+        if self._stop():
+            raise _StoppedError
+
     def _recognized(self, image: int) -> "cp_model.IntVar":
+        self._go_on()
         recognized = self.cp.new_bool_var(f"y{image}")
         margin = self._sum(self.classes.margins[image])
         self.cp.add(margin >= 1).only_enforce_if(recognized)
@@ -182,6 +224,7 @@ class _Model:
         """The rates of images with one denominator, added; at least SCALE times what they are."""
         from ortools.sat.python import cp_model
 
+        self._go_on()
         correct = self.classes.correct[images].sum(axis=0)
         asked = self.classes.asked[images[0]]
         rate = self.cp.new_int_var(0, len(images) * SCALE, f"r{images[0]}")
@@ -191,7 +234,7 @@ class _Model:
         above = cp_model.LinearExpr.weighted_sum([rate, *theirs], [1] + [-half] * len(theirs))
         self.cp.add(above <= half * len(theirs))
         self._hints.append((rate, lambda numbers: _ratio(correct, asked, numbers)))
-        if (asked == asked[0]).all() and asked[0]:
+        if _is_even(asked):
             self._linear_rate(rate, correct, int(asked[0]))
         else:
             self._product_rate(rate, correct, asked)
@@ -219,6 +262,7 @@ class _Model:
         """The denominator is `asked` times the number of questions: a case for each number."""
         total = self._sum(correct)
         for number, case in enumerate(self._cases, start=1):
+            self._go_on()
             denominator = asked * number
             self.cp.add(denominator * rate <= SCALE * total + denominator - 1).only_enforce_if(case)
 
@@ -233,12 +277,18 @@ class _Model:
         repeated = np.repeat(classes.asked, classes.sizes, axis=1)
         most_asked = np.cumsum(np.sort(repeated, axis=1)[:, ::-1], axis=1)
         for number, case in enumerate(self._cases, start=1):
+            self._go_on()
             weight = SCALE // np.maximum(most_asked[:, number - 1], 1)
             loss = weight @ wrong
             least = int(np.sort(np.repeat(loss, classes.sizes))[:number].sum())
             room = classes.n_images * (SCALE + 1)
             self.cp.add(rates <= room - self._sum(loss)).only_enforce_if(case)
             self.cp.add(rates <= room - least).only_enforce_if(case)
+
+
+def _is_even(asked: Integers) -> bool:
+    """Whether all questions have the same denominator, so that their number alone counts."""
+    return bool((asked == asked[0]).all() and asked[0])
 
 
 def _ratio(correct: Integers, asked: Integers, numbers: Integers) -> int:
@@ -254,12 +304,19 @@ def _same_rows(asked: Integers) -> list[Integers]:
 
 
 class _Solver:
-    """One run of CP-SAT that tells its bound and its solutions as it finds them."""
+    """One run of CP-SAT that tells its bound and its solutions as it finds them.
 
-    def __init__(self, model: _Model, deterministic_time: float) -> None:
+    Args:
+        build: makes the model; gets what to ask for a stop.
+        deterministic_time: the limit.
+    """
+
+    def __init__(
+        self, build: Callable[[Callable[[], bool]], _Model], deterministic_time: float
+    ) -> None:
         from ortools.sat.python import cp_model
 
-        self._model = model
+        self._build, self._closing = build, threading.Event()
         self._solver = cp_model.CpSolver()
         parameters = self._solver.parameters
         parameters.num_workers = 1
@@ -270,7 +327,10 @@ class _Solver:
     def run(self, put: Callable[[_News], None]) -> None:
         from ortools.sat.python import cp_model
 
-        model = self._model
+        try:
+            model = self._build(self._closing.is_set)
+        except _StoppedError:
+            return
 
         class Solutions(cp_model.CpSolverSolutionCallback):
             def on_solution_callback(self) -> None:
@@ -284,4 +344,5 @@ class _Solver:
             put(_News(bound=self._solver.best_objective_bound / model.unit))
 
     def interrupt(self) -> None:
+        self._closing.set()
         self._solver.stop_search()

@@ -9,14 +9,16 @@ Source: paper II-B; H. R. Lourenço, O. C. Martin, T. Stützle, "Iterated Local 
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import count as count_up
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
-from vqa_state.search.climbing import Climber
+from vqa_state.search.climbing import Climber, Summit
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import (
     PAPER_SETTINGS,
@@ -33,6 +35,13 @@ __all__ = ["CLIMBS", "Engine", "default_search", "search_with"]
 CLIMBS = 400
 
 _CLIMBS_A_REPORT = 4
+
+# Sums of answers that a climb and a report may look at; a step on 64 questions and 20 images looks
+# at 85 thousand. Larger tables get the work of so many climbs, not the climbs.
+_CELLS_A_CLIMB = 4_000_000
+_CELLS_A_REPORT = 2_500_000
+_STEPS_A_CLIMB = 16
+
 _LEAST_CHANGED, _MOST_CHANGED = 3, 8
 
 
@@ -71,6 +80,9 @@ def default_search(
 ) -> Iterator[SearchReport]:
     """The genetic search, then `n_climbs` climbs; reports after each generation and few climbs.
 
+    Where 64 questions and 20 images are exceeded by far, climbs are cut to a number of steps that
+    takes a minute or less, and reports come after a few steps.
+
     A report's `generation` goes on counting through the climbs up to `total`; the mean fitness is
     then that of the summits since the last report.
 
@@ -95,36 +107,102 @@ def _evolve_and_climb(
     n_climbs: int,
     seed: int,
 ) -> Iterator[SearchReport]:
-    n_more = -(-n_climbs // _CLIMBS_A_REPORT)
+    fitness, climber = Fitness(counts, objective, weights), Climber(counts, objective, weights)
+    plan = _plan(climber.cells_a_step, counts.n_questions, n_climbs)
     report = None
     for evolved in evolution:
-        report = replace(evolved, total=evolved.total + n_more)
+        report = replace(evolved, total=evolved.total + plan.n_reports)
         yield report
     assert report is not None  # noqa: S101  # a search reports at least generation 0
-    fitness, climber = Fitness(counts, objective, weights), Climber(counts, objective, weights)
-    rng = stream(objective, seed, "climbs")
     best = np.zeros(counts.n_questions, dtype=np.uint8)
     best[list(report.subset)] = 1
-    for first in range(0, n_climbs, _CLIMBS_A_REPORT):
-        values, n_evaluations = [], report.n_evaluations
-        for climb in range(first, min(first + _CLIMBS_A_REPORT, n_climbs)):
-            start = best if climb == 0 else _start(best, climb, rng)
-            summit = climber.climb(start)
-            best = better(best, summit.individual, fitness)
-            values.append(summit.value)
-            n_evaluations += summit.n_evaluations
-        subset = tuple(np.flatnonzero(best).tolist())
+    ways = _Ways(climber, fitness, best, stream(objective, seed, "climbs"))
+    for ends in ways.in_full(n_climbs) if plan.in_full else ways.in_part(plan):
+        subset = tuple(np.flatnonzero(ways.best).tolist())
         terms = fitness.terms(subset)
         report = SearchReport(
             generation=report.generation + 1,
             total=report.total,
             best_fitness=terms.value,
-            mean_fitness=float(np.mean(values)),
+            mean_fitness=float(np.mean([end.value for end in ends])),
             terms=terms,
             subset=subset,
-            n_evaluations=n_evaluations,
+            n_evaluations=report.n_evaluations + sum(end.n_evaluations for end in ends),
         )
         yield report
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """How to climb on a table of some size.
+
+    Attributes:
+        in_full: whether all climbs are made, each to its summit.
+        n_reports: reports about climbs.
+        n_steps: steps between two reports, where climbs are not made in full.
+    """
+
+    in_full: bool
+    n_reports: int
+    n_steps: int = 0
+
+
+def _plan(cells_a_step: int, n_questions: int, n_climbs: int) -> _Plan:
+    """All climbs where they are cheap, else as many steps as such climbs cost in all.
+
+    A size decides, not a clock: the same arguments give the same reports, on any machine.
+    """
+    n_expected = max(_STEPS_A_CLIMB, n_questions // 8)
+    if n_expected * cells_a_step <= _CELLS_A_CLIMB:
+        return _Plan(in_full=True, n_reports=-(-n_climbs // _CLIMBS_A_REPORT))
+    n_steps = max(1, _CELLS_A_REPORT // cells_a_step)
+    n_reports = -(-n_climbs * _CELLS_A_CLIMB // (n_steps * cells_a_step))
+    return _Plan(in_full=False, n_reports=n_reports, n_steps=n_steps)
+
+
+class _Ways:
+    """Climbs from many starts, and the best subset that one of them passed."""
+
+    def __init__(
+        self,
+        climber: Climber,
+        fitness: Fitness,
+        best: NDArray[np.uint8],
+        rng: np.random.Generator,
+    ) -> None:
+        self._climber, self._fitness, self.best, self._rng = climber, fitness, best, rng
+
+    def in_full(self, n_climbs: int) -> Iterator[list[Summit]]:
+        """The summits of a few climbs each time."""
+        for first in range(0, n_climbs, _CLIMBS_A_REPORT):
+            summits = []
+            for climb in range(first, min(first + _CLIMBS_A_REPORT, n_climbs)):
+                summits.append(self._climber.climb(self._start(climb)))
+                self._take(summits[-1])
+            yield summits
+
+    def in_part(self, plan: _Plan) -> Iterator[list[Summit]]:
+        """Where the climb stands after so many steps; the last one does not come to its end."""
+        steps = self._steps()
+        for _ in range(plan.n_reports):
+            ends = list(islice(steps, plan.n_steps))
+            self._take(ends[-1])
+            yield [replace(ends[-1], n_evaluations=sum(end.n_evaluations for end in ends))]
+
+    def _steps(self) -> Iterator[Summit]:
+        """One climb after the other without end, step by step; a step's own evaluations."""
+        for climb in count_up():
+            n_before = 0
+            for place in self._climber.steps(self._start(climb)):
+                yield replace(place, n_evaluations=place.n_evaluations - n_before)
+                n_before = place.n_evaluations
+            self._take(place)
+
+    def _start(self, climb: int) -> NDArray[np.uint8]:
+        return self.best if climb == 0 else _start(self.best, climb, self._rng)
+
+    def _take(self, summit: Summit) -> None:
+        self.best = better(self.best, summit.individual, self._fitness)
 
 
 def _start(best: NDArray[np.uint8], climb: int, rng: np.random.Generator) -> NDArray[np.uint8]:

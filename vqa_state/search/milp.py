@@ -12,10 +12,11 @@ Source: paper II-B, term (a); Q. Huangfu and J. A. J. Hall, "Parallelizing the d
 method", Math. Prog. Comp. 2018 (HiGHS).
 """
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +31,12 @@ __all__ = ["NODE_LIMITS", "ImagesReport", "most_images"]
 
 #: Nodes of one solver run after another; each starts anew, so the bound is seen falling.
 NODE_LIMITS = (1, 200, 2000)
+
+#: Numbers in the program up to which nodes alone limit it: those of 64 questions and 20 images.
+_FEW_CELLS = 64 * 20
+
+#: Beyond, all runs together end after so long.
+_SECONDS = 60.0
 
 #: A bound of 18.9999999 from the solver's floats means 19, and one of 18.5 means 18.
 _ROUNDING = 1e-4
@@ -68,7 +75,9 @@ def most_images(
     """Prove that no subset recognizes more images than `subset`, or find one that does.
 
     A stop is heard within a fraction of a second; the solver's thread may go on unheard to the end
-    of its node limit.
+    of its node limit. Tables of more than 64 questions and 20 images also have a limit in seconds
+    for all runs together, because there a single node may take minutes; what it leaves open may
+    differ from run to run, but always holds.
 
     Args:
         counts: the training images' answers.
@@ -85,10 +94,12 @@ def most_images(
     best, bound = tuple(sorted(subset)), _recognizable(classes)
     report = ImagesReport(_n_recognized(classes, best), bound, best)
     yield report
+    few = counts.n_images * counts.n_questions <= _FEW_CELLS
+    end = np.inf if few else time.monotonic() + _SECONDS
     for limit in node_limits:
-        while not report.proved:
+        while not report.proved and (seconds := end - time.monotonic()) > 0:
             before = report
-            work = Work(partial(_put_solution, classes, before, limit), stop)
+            work = Work(partial(_put_solution, classes, before, limit, seconds), stop)
             for found in work:
                 report = found
             if work.stopped:
@@ -113,22 +124,28 @@ def _put_solution(
     classes: QuestionClasses,
     known: ImagesReport,
     node_limit: int,
+    seconds: float,
     put: Callable[[ImagesReport], None],
 ) -> None:
-    put(_solve(classes, known, node_limit))
+    put(_solve(classes, known, node_limit, seconds))
 
 
-def _solve(classes: QuestionClasses, known: ImagesReport, node_limit: int) -> ImagesReport:
+def _solve(
+    classes: QuestionClasses, known: ImagesReport, node_limit: int, seconds: float
+) -> ImagesReport:
     """Ask for more images than are known; infeasible means that what is known is the most."""
     from scipy.optimize import Bounds, milp
 
     n_images, n_classes = classes.margins.shape
+    options: Any = {"node_limit": node_limit, "mip_rel_gap": 0.0}
+    if np.isfinite(seconds):
+        options["time_limit"] = seconds
     result = milp(
         np.concatenate([np.zeros(n_classes), -np.ones(n_images)]),
         integrality=np.ones(n_classes + n_images),
         bounds=Bounds(0, np.concatenate([classes.sizes, np.ones(n_images)])),
         constraints=_constraints(classes, known.n_recognized + 1, known.bound),
-        options={"node_limit": node_limit, "mip_rel_gap": 0.0},
+        options=options,
     )
     return _read(classes, known, result)
 
@@ -136,18 +153,21 @@ def _solve(classes: QuestionClasses, known: ImagesReport, node_limit: int) -> Im
 def _constraints(classes: QuestionClasses, least: int, most: int) -> "LinearConstraint":
     """The rows of the program; the last asks for `least` to `most` recognized images."""
     from scipy.optimize import LinearConstraint
-    from scipy.sparse import csr_array
+    from scipy.sparse import block_array, csr_array, diags_array
 
     n_images, n_classes = classes.margins.shape
     slack = 1 - np.minimum(classes.margins, 0) @ classes.sizes  # M_i
-    rows = np.zeros((n_images + 2, n_classes + n_images))
-    rows[:n_images, :n_classes] = classes.margins
-    rows[:n_images, n_classes:] = -np.diag(slack)
-    rows[n_images, :n_classes] = 1
-    rows[n_images + 1, n_classes:] = 1
+    rows: Any = block_array(
+        [
+            [csr_array(classes.margins.astype(float)), -diags_array(slack.astype(float))],
+            [csr_array(np.ones((1, n_classes))), None],
+            [None, csr_array(np.ones((1, n_images)))],
+        ],
+        format="csr",
+    )
     low = np.concatenate([1 - slack, [1, least]])
     high = np.concatenate([np.full(n_images + 1, np.inf), [most]])
-    return LinearConstraint(csr_array(rows), low, high)
+    return LinearConstraint(rows, low, high)
 
 
 def _read(classes: QuestionClasses, known: ImagesReport, result: "OptimizeResult") -> ImagesReport:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
 from vqa_state.search.climbing import Climber
@@ -20,7 +21,7 @@ from vqa_state.search.exact import can_enumerate, enumerate_subsets
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import better, require_searchable
 from vqa_state.search.milp import NODE_LIMITS, most_images
-from vqa_state.search.waiting import Work
+from vqa_state.search.waiting import Asker, Work
 
 __all__ = [
     "PROOF_TOLERANCE",
@@ -28,6 +29,7 @@ __all__ = [
     "ProofLimits",
     "ProofReport",
     "Stage",
+    "badge_sentence",
     "prove",
     "prove_all",
 ]
@@ -115,12 +117,23 @@ class ProofReport:
     @property
     def sentence(self) -> str:
         """The badge for a reader: "most images proved, E within 0.12 of the bound"."""
-        if self.badge is Badge.IMAGES:
-            hundredths = np.ceil(self.gap * 100) / 100  # rounded up: it is a promise
-            return f"{self.badge}, E within {hundredths:.2f} of the bound"
-        if self.badge is Badge.FOUND:
-            return f"{self.badge}, bound {self.n_bound}"
-        return self.badge.value
+        return badge_sentence(self.badge, self.gap, self.n_bound)
+
+
+def badge_sentence(badge: Badge, gap: float, n_bound: int) -> str:
+    """A badge with what it leaves open, for a reader, while proving and afterwards.
+
+    Args:
+        badge: what is proved.
+        gap: by how much the best E may exceed the one found.
+        n_bound: no subset recognizes more images.
+    """
+    if badge is Badge.IMAGES:
+        hundredths = np.ceil(gap * 100) / 100  # rounded up: it is a promise
+        return f"{badge}, E within {hundredths:.2f} of the bound"
+    if badge is Badge.FOUND:
+        return f"{badge}, bound {n_bound}"
+    return badge.value
 
 
 def prove(
@@ -233,8 +246,10 @@ class _Proof:
             bound=self._cap(n_images),
             n_bound=n_images,
         )
+        self._asker = Asker(lambda: False)
 
     def run(self, limits: ProofLimits, stop: Callable[[], bool]) -> Iterator[ProofReport]:
+        self._asker = Asker(stop)
         if self._known.stage is Stage.SUBSETS:
             yield from self._compare(stop)
         else:
@@ -296,10 +311,18 @@ class _Proof:
         individuals[0, list(self._known.subset)] = individuals[1, list(subset)] = 1
         best = better(individuals[0], individuals[1], self._fitness)
         if climb:
-            climber = Climber(self._counts, self._objective, self._weights)
-            best = better(best, climber.climb(individuals[1]).individual, self._fitness)
+            best = better(best, self._climbed(individuals[1]), self._fitness)
         taken = tuple(np.flatnonzero(best).tolist())
         self._known = replace(self._known, subset=taken, terms=self._fitness.terms(taken))
+
+    def _climbed(self, start: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Where a climb leads, as far as it comes before a stop."""
+        climber, reached = Climber(self._counts, self._objective, self._weights), start
+        for place in climber.steps(start):
+            reached = place.individual
+            if self._asker():
+                break
+        return reached
 
     def _lower(self, n_bound: int, bound: float) -> None:
         """Bounds fall, but never below what is found: the solvers round by 1e-6 or so."""

@@ -2,14 +2,36 @@
 
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
-__all__ = ["Work"]
+__all__ = ["Asker", "Work"]
 
 _POLL_SECONDS = 0.1
 
 News = TypeVar("News")
+
+
+class Asker:
+    """Asks for a stop by the clock, some ten times a second, however often it is called.
+
+    So a loop may call it at every turn. What was told once is not asked again.
+
+    Args:
+        stop: whether to stop.
+    """
+
+    def __init__(self, stop: Callable[[], bool]) -> None:
+        self._stop, self._told, self._next = stop, False, 0.0
+
+    def __call__(self) -> bool:
+        """Whether to stop, as far as is known since the last time of asking."""
+        now = time.monotonic()
+        if not self._told and now >= self._next:
+            self._told = self._stop()
+            self._next = now + _POLL_SECONDS
+        return self._told
 
 
 class Work(Generic[News]):
@@ -31,7 +53,7 @@ class Work(Generic[News]):
         stop: Callable[[], bool],
         interrupt: Callable[[], None] | None = None,
     ) -> None:
-        self._task, self._stop, self._interrupt = task, stop, interrupt
+        self._task, self._stop, self._interrupt = task, Asker(stop), interrupt
         self._news: queue.SimpleQueue[tuple[News] | None] = queue.SimpleQueue()
         self._error: BaseException | None = None
         self.stopped = False
@@ -51,11 +73,12 @@ class Work(Generic[News]):
 
     def _next(self) -> tuple[News] | None:
         """The next piece of news; None at the end or after a stop."""
-        while not self.stopped:
+        while not self._stop():  # before each, because news may come without a pause
             try:
                 return self._news.get(timeout=_POLL_SECONDS)
             except queue.Empty:
-                self.stopped = self._stop()
+                continue
+        self.stopped = True
         return None
 
     def _run(self) -> None:

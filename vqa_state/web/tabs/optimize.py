@@ -8,10 +8,12 @@ import gradio as gr
 
 from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
+from vqa_state.recognizer_file import ProofRecord
 from vqa_state.scores import Objective, ObjectiveWeights, count
 from vqa_state.search.default import Engine
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
+from vqa_state.search.proof import badge_sentence
 from vqa_state.tuning import OptimizeProgress, Results, optimize, results
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
@@ -232,11 +234,11 @@ def _live_terms(progress: OptimizeProgress, objective: Objective) -> list[list[s
     found = _terms(proof.terms)
     if not proof.finished:
         return [*found, ["proving: E is at most", f"{proof.bound:.3f}"]]
-    return [*found, *_proved(proof.badge.value, proof.bound)]
+    return [*found, *_proved(proof.sentence, proof.bound)]
 
 
-def _proved(badge: str, bound: float) -> list[list[str]]:
-    return [["proof", badge], ["no E is above", f"{bound:.3f}"]]
+def _proved(sentence: str, bound: float) -> list[list[str]]:
+    return [["proof", sentence], ["no E is above", f"{bound:.3f}"]]
 
 
 def _saved(desk: Desk, pid: str) -> tuple[Any, Any]:
@@ -252,6 +254,12 @@ def _saved(desk: Desk, pid: str) -> tuple[Any, Any]:
     return note("Optimized. See Results.", "good"), {"searches": _kept(found)}
 
 
+def proved(proof: ProofRecord) -> list[list[str]]:
+    """What a kept proof says, as whole as while proving."""
+    sentence = badge_sentence(proof.badge, proof.bound - proof.value, proof.n_bound)
+    return _proved(sentence, proof.bound)
+
+
 def _empty() -> list[Any]:
     return [_panel(objective, 0, [], []) for objective in Objective]
 
@@ -262,7 +270,7 @@ def _kept(found: Results) -> list[Any]:
         points = [(generation, *pair) for generation, pair in enumerate(saved.curve)]
         terms = _terms(Fitness(counts, objective, saved.weights).terms(saved.subset))
         if saved.proof is not None:
-            terms += _proved(saved.proof.badge.value, saved.proof.bound)
+            terms += proved(saved.proof)
         panels.append(_panel(objective, len(saved.curve) - 1, points, terms))
     return panels
 
