@@ -105,8 +105,9 @@ def test_weights_and_threshold_decide():
         WeightedQuestion(text=QUESTIONS[2], yes_means=1),
     )
     model = saying(a="yes", b="yes", c="no")
-    assert recognizer(questions=questions).recognize(draw(1), model).state is State.POSITIVE
-    strict = recognizer(questions=questions, threshold=0.9)
+    weighted = {"questions": questions, "vote": VoteKind.WEIGHTED_ANSWERS}
+    assert recognizer(**weighted).recognize(draw(1), model).state is State.POSITIVE
+    strict = recognizer(**weighted, threshold=0.9)
     assert strict.recognize(draw(1), model).state is State.NEGATIVE
 
 
@@ -190,6 +191,21 @@ def changed(**changes) -> bytes:
     return json.dumps(json.loads(recognizer().to_bytes()) | changes).encode()
 
 
+UPSIDE_DOWN = {"share": 0.5, "low": 0.6, "high": 0.9, "n_images": 9, "n_resamples": 3}
+
+
+def with_weight(weight) -> bytes:
+    content = json.loads(recognizer().to_bytes())
+    content["questions"][0]["weight"] = weight
+    return json.dumps(content).encode()
+
+
+def with_score(**fields) -> bytes:
+    content = json.loads(recognizer().to_bytes())
+    content["scores"]["train"] |= fields
+    return json.dumps(content).encode()
+
+
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
@@ -199,12 +215,25 @@ def changed(**changes) -> bytes:
         (b"[]", "is no recognizer file"),
         (b'{"schema_version": "1"}', "is no recognizer file"),
         (changed(schema_version=3), "schema version 3; this program reads up to 2"),
-        (changed(threshold=0.6), "digest does not fit"),
+        (changed(calls_per_image=6, vote="threshold"), "digest does not fit"),
         (changed(name="other"), "digest does not fit"),
         (changed(surprise=1), "cannot be used at surprise"),
         (changed(threshold=1.5), "cannot be used at threshold"),
         (changed(questions=[]), "cannot be used at questions"),
         (changed(calls_per_image=7), "calls_per_image must be copies × questions = 6"),
+        (changed(states={"positive": "\x1b[2Jopen", "negative": "closed"}), "control characters"),
+        (changed(states={"positive": "Unknown", "negative": "closed"}), "word for no verdict"),
+        (changed(states={"positive": "open", "negative": "OPEN"}), "two different names"),
+        (changed(name="   "), "is empty"),
+        (changed(vote="paper", threshold=0.3), "has the threshold 0.5"),
+        (with_weight(7), "every question the weight 1"),
+        (with_score(n_recognized=-1), "greater than or equal to 0"),
+        (with_score(n_recognized=11), "11 of 10 images"),
+        (with_score(n_images=0), "greater than or equal to 1"),
+        (
+            changed(estimate=UPSIDE_DOWN),
+            "is not from",
+        ),
         (changed(parser_version=99), "cannot be used at parser_version"),
         (b" " * 6_000_000, "has more than 5 MB"),
     ],
@@ -308,7 +337,9 @@ TEXTS = {1: ("yes", "no", "door"), -1: ("no", "yes", "door")}  # by yes_means: f
 def test_every_kind_of_vote_against_its_formula_and_early_stops(
     kind, weights, millionths, said, least
 ):
-    threshold = millionths / 1_000_000
+    threshold = 0.5 if kind is VoteKind.PAPER else millionths / 1_000_000
+    if kind in (VoteKind.PAPER, VoteKind.THRESHOLD):
+        weights = [1, 1, 1]
     questions = tuple(
         one.model_copy(update={"weight": weight})
         for one, weight in zip(recognizer().questions, weights, strict=True)

@@ -36,6 +36,11 @@ class StateNames:
             raise ProjectError(
                 f"both states are called {self.positive!r}; give them two different names"
             )
+        if "unknown" in (_folded(self.positive), _folded(self.negative)):
+            raise ProjectError(
+                "a state cannot be called 'unknown', which is the word for no verdict; name what "
+                "can be seen"
+            )
 
     def of(self, label: int) -> str:
         """The name of the state with label +1 or -1."""

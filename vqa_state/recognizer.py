@@ -37,6 +37,7 @@ from vqa_state.recognizer_file import (
     Scores,
     States,
     WeightedQuestion,
+    Words,
     content_digest,
     upgraded,
 )
@@ -67,7 +68,7 @@ class Recognizer(Record):
     """Questions whose vote recognizes a state; see the module's first lines for its use."""
 
     schema_version: Literal[2] = SCHEMA_VERSION
-    name: Annotated[str, Field(min_length=1, max_length=300)]
+    name: Words
     states: States
     model: ModelReference
     copies: Copies
@@ -100,8 +101,17 @@ class Recognizer(Record):
                 f"calls_per_image must be copies × questions = "
                 f"{self.copies.n_copies * len(texts)}, got {self.calls_per_image}"
             )
+        self._check_vote()
         self.rule()  # says what is wrong with weights or threshold
         return self
+
+    def _check_vote(self) -> None:
+        """The simple kinds weigh nothing, and the paper's wins by the majority."""
+        simple = self.vote in (VoteKind.PAPER, VoteKind.THRESHOLD)
+        if simple and any(question.weight != 1 for question in self.questions):
+            raise ValueError(f"the vote by {self.vote.value!r} gives every question the weight 1")
+        if self.vote is VoteKind.PAPER and self.threshold != 0.5:
+            raise ValueError(f"the paper's vote has the threshold 0.5, got {self.threshold}")
 
     @classmethod
     def load(cls, path: str | Path) -> "Recognizer":
@@ -244,9 +254,9 @@ class Recognizer(Record):
         if model.fingerprint != self.model.fingerprint:
             raise RecognizerError(
                 f"these questions were chosen for {self.model.fingerprint!r}, but the model here "
-                f"is {model.fingerprint!r}. If it is the same model elsewhere, or on another device "
-                "or at another precision, name it as it was: `python -m vqa_state recognize --model "
-                "ADDRESS`, with ?device=DEVICE&precision=PRECISION at the end of the address. "
+                f"is {model.fingerprint!r}. If it is the same model elsewhere, on another device "
+                "or at another precision, name it as it was: `python -m vqa_state recognize "
+                "--model ADDRESS`, with ?device=DEVICE&precision=PRECISION at the address's end. "
                 "Otherwise see what is lost with `python -m vqa_state recheck`, or optimize again: "
                 "which questions work depends on the model"
             )

@@ -8,11 +8,12 @@ import hashlib
 import json
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from vqa_state.augment import MAX_COPIES, AugmentationKind
-from vqa_state.errors import QuestionError, RecognizerError
+from vqa_state.errors import ProjectError, QuestionError, RecognizerError
 from vqa_state.models.address import MAX_ADDRESS
+from vqa_state.project_file import StateNames
 from vqa_state.questions import clean_text
 from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.default import Engine
@@ -32,12 +33,14 @@ __all__ = [
     "Scores",
     "States",
     "WeightedQuestion",
+    "Words",
     "content_digest",
     "upgraded",
 ]
 
 SCHEMA_VERSION: Final = 2
 MAX_FINGERPRINT: Final = 10_000
+_LONGEST = 300  # characters of a text
 
 
 class Record(BaseModel):
@@ -46,11 +49,32 @@ class Record(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+def _cleaned(text: str) -> str:
+    """As a project has it: answers are found again, and no terminal obeys it."""
+    try:
+        return clean_text(text, "a text", _LONGEST)
+    except QuestionError as error:
+        raise ValueError(str(error)) from error  # pydantic names the place
+
+
+Words = Annotated[str, Field(min_length=1, max_length=_LONGEST), AfterValidator(_cleaned)]
+Seed = Annotated[int, Field(ge=0, lt=2**32)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
 class States(Record):
     """What the two states are called."""
 
-    positive: Annotated[str, Field(min_length=1, max_length=300)]
-    negative: Annotated[str, Field(min_length=1, max_length=300)]
+    positive: Words
+    negative: Words
+
+    @model_validator(mode="after")
+    def _differ(self) -> "States":
+        try:
+            StateNames(self.positive, self.negative)
+        except ProjectError as error:
+            raise ValueError(str(error)) from error
+        return self
 
 
 class ModelReference(Record):
@@ -66,15 +90,7 @@ class Copies(Record):
     kind: AugmentationKind
     amount: Annotated[float, Field(gt=0, le=1)]
     n_copies: Annotated[int, Field(ge=1, le=MAX_COPIES)]
-    seed: Annotated[int, Field(ge=0)]
-
-
-def _cleaned(text: str) -> str:
-    """As a project asks it, so that answers are found again; pydantic names the place."""
-    try:
-        return clean_text(text, "a question", 300)
-    except QuestionError as error:
-        raise ValueError(str(error)) from error
+    seed: Seed
 
 
 class WeightedQuestion(Record):
@@ -84,7 +100,7 @@ class WeightedQuestion(Record):
     "yes" then says the opposite, as the training images showed.
     """
 
-    text: Annotated[str, Field(min_length=1, max_length=300), AfterValidator(_cleaned)]
+    text: Words
     yes_means: Literal[-1, 1]
     weight: Annotated[int, Field(ge=1, le=MAX_WEIGHT)] = 1
 
@@ -96,7 +112,7 @@ class Abstain(Record):
     verdict when it was learned, None if it was not learned.
     """
 
-    min_sureness: Annotated[float, Field(ge=0, le=1)] = 0.0
+    min_sureness: Share = 0.0
     coverage: Annotated[float | None, Field(gt=0, le=1)] = None
 
 
@@ -109,7 +125,7 @@ class ProofRecord(Record):
     badge: Badge
     value: float
     bound: float
-    n_bound: int
+    n_bound: Annotated[int, Field(ge=0)]
     stopped: bool
 
 
@@ -123,8 +139,8 @@ class Origin(Record):
     objective: Objective
     weights: ObjectiveWeights
     settings: SearchSettings
-    seed: int
-    generations: int
+    seed: Seed
+    generations: Annotated[int, Field(ge=0)]
     finished: bool
     proof: ProofRecord | None = None
 
@@ -135,13 +151,19 @@ class ScoreRecord(Record):
     Rates and their intervals are those of the paper's vote; None for another kind of vote.
     """
 
-    n_recognized: int
-    n_images: int
+    n_recognized: Annotated[int, Field(ge=0)]
+    n_images: Annotated[int, Field(ge=1)]
     R_ave: float | None = None
     R_invalid: float | None = None
     R_img_interval: tuple[float, float] | None = None
     R_ave_interval: tuple[float, float] | None = None
     R_invalid_interval: tuple[float, float] | None = None
+
+    @model_validator(mode="after")
+    def _possible(self) -> "ScoreRecord":
+        if self.n_recognized > self.n_images:
+            raise ValueError(f"{self.n_recognized} of {self.n_images} images cannot be recognized")
+        return self
 
 
 class Scores(Record):
@@ -158,11 +180,17 @@ class EstimateRecord(Record):
     that each lacked. The interval is one of 95 %.
     """
 
-    share: Annotated[float, Field(ge=0, le=1)]
-    low: Annotated[float, Field(ge=0, le=1)]
-    high: Annotated[float, Field(ge=0, le=1)]
+    share: Share
+    low: Share
+    high: Share
     n_images: Annotated[int, Field(ge=1)]
     n_resamples: Annotated[int, Field(ge=1)]
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "EstimateRecord":
+        if not self.low <= self.share <= self.high:
+            raise ValueError(f"{self.share} is not from {self.low} to {self.high}")
+        return self
 
 
 def content_digest(content: dict[str, Any]) -> str:
