@@ -14,7 +14,6 @@ from vqa_state.models.fake import ScriptedModel
 from vqa_state.recognizer import Recognizer
 from vqa_state.report import (
     MissedPicture,
-    comparison_sentences,
     image_answers,
     missed_pictures,
     question_frame,
@@ -89,9 +88,8 @@ def test_subsets_are_proved_best_and_beside_the_papers(asked):
 @pytest.mark.parametrize("n_reports", [2, SMALL.generations, SMALL.generations + 1])
 def test_the_papers_search_counts_only_if_it_came_to_its_end(asked, n_reports):
     """A stop between its first and last generation leaves a result that the paper never had."""
-    n_seen = 0
-    for _ in optimize(asked, lambda: n_seen >= n_reports, prove=False):
-        n_seen += 1
+    steps = iter(range(1, 100))
+    list(optimize(asked, lambda: next(steps) >= n_reports, prove=False))
     ended = n_reports > SMALL.generations
     for objective, saved in results(asked).searches.items():
         assert not saved.finished
@@ -261,7 +259,6 @@ def test_without_test_images_the_report_says_so(asked):
     asked.set_splits([image.id for image in asked.labelled(Split.TEST)], Split.UNUSED)
     _, found = tuned(asked)
     assert found.test is None
-    assert "no test images" in comparison_sentences(found.evaluation)[0]
     assert score_frame(found.evaluation)["test_n_recognized"].isna().all()
     assert Recognizer.load(recognizer_path(asked, Objective.S_PLUS)).scores.test is None
 

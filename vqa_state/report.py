@@ -9,8 +9,7 @@ import pandas as pd
 
 from vqa_state.answers import AnswerTable
 from vqa_state.asking import answer_table
-from vqa_state.comparing import compare
-from vqa_state.evaluation import Candidate, Evaluation, Interval, Row
+from vqa_state.evaluation import Evaluation, Interval, Row
 from vqa_state.project import Project
 from vqa_state.scores import Counts, count, question_stats
 from vqa_state.search.fitness import Fitness
@@ -22,7 +21,6 @@ __all__ = [
     "ImageAnswer",
     "MissedPicture",
     "comparison_frame",
-    "comparison_sentences",
     "heatmap",
     "image_answers",
     "look_alike_sentences",
@@ -74,16 +72,6 @@ def score_frame(evaluation: Evaluation) -> pd.DataFrame:
 def comparison_frame(evaluation: Evaluation) -> pd.DataFrame:
     """The paper's table as a person reads it: test scores with their 95 % intervals."""
     return pd.DataFrame([_words(row) for row in evaluation.rows])
-
-
-def comparison_sentences(evaluation: Evaluation) -> list[str]:
-    """Whether s+ beats the baselines on the same test images, by exact paired tests."""
-    scores = {row.name: row.test for row in evaluation.rows if row.test is not None}
-    if Candidate.S_PLUS not in scores:
-        return ["There are no test images, so nothing here says how good it is on new ones."]
-    masks = {name.value: score.recognized for name, score in scores.items()}
-    rivals = (Candidate.S_ALL.value, Candidate.BEST_QUESTION.value)
-    return [one.sentence() for one in compare(masks, [("s+", rival) for rival in rivals])]
 
 
 def term_sentences(found: Results) -> list[str]:

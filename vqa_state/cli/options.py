@@ -98,7 +98,6 @@ def _record(project: Project, found: Results) -> dict[str, object]:
         "doubtful_labels": [asdict(one) for one in hinted.doubtful],
         "n_unasked": hinted.n_unasked,
         "subsets": report.score_frame(evaluation).to_dict("records"),
-        "says": report.comparison_sentences(evaluation),
         "terms": report.term_sentences(found),
         "missed": {
             row.name.value: [asdict(one) for one in report.missed_pictures(project, row)]
