@@ -199,6 +199,24 @@ def test_every_exported_kind_recognizes_what_the_table_says(tuned):
         assert recognizer.estimate.n_resamples == 6
 
 
+def test_the_recommended_kind_is_shown_with_the_choice_inside(tuned):
+    """Its own estimate flatters, because it was picked by it; all others keep their own."""
+    from dataclasses import replace
+
+    kept, found = assessed(tuned), results(tuned)
+    honest = replace(kept.recommended_estimate, share=0.123, low=0.1, high=0.2)
+    kept = kept.model_copy(update={"recommended_estimate": honest})
+    table = standings(tuned.chosen, found, kept)
+    for row in table.rows[: len(VoteKind)]:
+        best = row.kind is kept.recommendation.kind
+        assert row.recommended is best
+        assert row.estimate == (honest if best else kept.estimates[row.kind])
+        written = recognizer_with(tuned, found, kept, row.kind).estimate
+        assert written.share == round(row.estimate.share, 6)
+    assert "1.0 of 8" in table.recommendation
+    assert any("keep only 1.0 of 8" in one for one in table.warnings)
+
+
 def test_coverage_makes_the_recognizer_abstain(tuned):
     kept, found = assessed(tuned), results(tuned)
     curve = kept.curves[VoteKind.PAPER]

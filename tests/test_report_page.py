@@ -10,6 +10,7 @@ from pictures import picture
 from test_assessing import Colours
 from tuned_project import MODEL, tuned_copy
 
+from vqa_state import __version__
 from vqa_state.assessing import assess
 from vqa_state.labelling import DoubtfulLabel
 from vqa_state.project import StateNames
@@ -125,6 +126,21 @@ def test_a_long_list_is_cut_and_says_by_how_many(tuned):
     shown = doubtful_labels(tuned, hinted, assessed=True)
     assert shown.count("<img ") == MAX_PICTURES
     assert "And 2 more." in shown
+
+
+def test_provenance_names_program_assessment_and_rival(tuned):
+    kept = None
+    for last in assess(tuned, features=Colours, n_resamples=3):
+        kept = last.assessment
+    part = page_of(tuned, kept).split("<h2>Provenance</h2>")[1]
+    assert f"VQA State {__version__}" in part
+    assert "Assessment: of s+, 3 resamples, seed 0, finished" in part
+    assert f"fingerprint: {Colours.fingerprint}" in part
+    ended = kept.model_copy(update={"finished": False, "rival": None, "no_rival": "it was stopped"})
+    part = page_of(tuned, ended).split("<h2>Provenance</h2>")[1]
+    assert "3 resamples, seed 0, stopped by the user" in part
+    assert "Rival: none, it was stopped" in part
+    assert "Assessment: none" in page_of(tuned, None).split("<h2>Provenance</h2>")[1]
 
 
 def test_without_an_assessment_it_says_so(tuned):

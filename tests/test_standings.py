@@ -1,12 +1,15 @@
 """The table in words: what is known, what is not, and who wins."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from vqa_state.comparing import compare
+from vqa_state.coverage import CoveragePoint
 from vqa_state.evaluation import Interval, exact_interval
 from vqa_state.standing_rows import RIVAL, SideScore, Standing, Standings
 from vqa_state.standings_words import comparison_sentences, standings_frame, warning_sentences
@@ -16,8 +19,12 @@ from vqa_state.voting.kinds import VoteKind
 NAN = math.nan
 
 
+def side(*pairs):
+    return SideScore(*pairs, *(exact_interval(*pair) for pair in pairs))
+
+
 def row(name, estimate=None, test=None, *, recommended=False):
-    train = SideScore((20, 20), (12, 12), (8, 8), Interval(0.8, 1.0))
+    train = side((20, 20), (12, 12), (8, 8))
     kind = None if name == RIVAL else VoteKind.PAPER
     return Standing(name, kind, 3, 18, 9.0, 7.4, train, estimate, test, recommended)
 
@@ -49,11 +56,33 @@ def test_a_state_that_was_never_out_is_a_dash_alone():
     assert (cells["out of bag, positive"], cells["out of bag, negative"]) == ("–", "4.0 of 8")
 
 
+def test_test_scores_of_a_state_carry_their_exact_interval():
+    """binomtest of 8 of 10 and of 9 of 9; a state without test images has nothing to tell."""
+    (cells,) = frame(row("s+", test=side((17, 19), (8, 10), (9, 9))))
+    for name, n_right, n_images in (("positive", 8, 10), ("negative", 9, 9)):
+        exact = binomtest(n_right, n_images).proportion_ci(0.95, "exact")
+        low, high = exact.low * n_images, exact.high * n_images
+        assert cells[f"test, {name}"] == f"{n_right} of {n_images} ({low:.1f}–{high:.1f})"
+    (cells,) = frame(row("s+", test=side((8, 10), (8, 10), (0, 0))))
+    assert cells["test, negative"] == "–"
+
+
+def test_single_votes_say_what_stays_unknown_and_how_right_the_surest_are():
+    first = CoveragePoint(0.0, 20, 200, 190, 150, Interval(0.5, 0.9))
+    careful = CoveragePoint(0.2, 20, 200, 180, 153, Interval(0.6, 0.95))
+    (cells,) = frame(replace(row("s+", estimate(0.75)), uncareful=first, careful=careful))
+    assert cells["out of bag, unknown"] == "5%"
+    assert cells["out of bag, right at 90 %"] == "85% (60%–95%)"
+    (cells,) = frame(row("s-"))
+    assert cells["out of bag, unknown"] == cells["out of bag, right at 90 %"] == "–"
+
+
 def warnings(vote, rival, *, has_test=False, rows=None):
     assessed = SimpleNamespace(
         rival=rival and SimpleNamespace(estimate=rival),
         no_rival="no network",
-        estimates={VoteKind.PAPER: vote},
+        recommended_estimate=vote,
+        estimates={VoteKind.PAPER: estimate(1.0)},  # flatters, so it must not be compared
         recommendation=SimpleNamespace(kind=VoteKind.PAPER),
         groups_divided=False,
         finished=True,
@@ -94,7 +123,7 @@ def test_without_test_images_the_rival_lacks_none():
     assert warnings(vote, rival) == []
     (said,) = warnings(vote, rival, has_test=True)
     assert "has not seen all test images" in said
-    seen = SideScore((15, 20), (8, 10), (7, 10), Interval(0.5, 0.9))
+    seen = side((15, 20), (8, 10), (7, 10))
     rows = [row("s+", vote, seen, recommended=True), row(RIVAL, rival, seen)]
     assert warnings(vote, rival, has_test=True, rows=rows) == []
 
@@ -104,7 +133,7 @@ def test_no_warning_tells_of_the_test(rival):
     """They are shown before a look at the test images."""
     vote, said = estimate(0.8), []
     for n_right in (0, 7, 20):
-        seen = SideScore((n_right, 20), (n_right // 2, 10), (n_right // 2, 10), Interval(0, 1))
+        seen = side((n_right, 20), (n_right // 2, 10), (n_right // 2, 10))
         rows = [row("s+", vote, seen, recommended=True), row(RIVAL, estimate(rival), seen)]
         said.append(warnings(vote, estimate(rival), has_test=True, rows=rows))
     assert said[0] == said[1] == said[2]
@@ -125,7 +154,7 @@ def test_a_rival_that_wins_on_the_test_is_said_to_win(n_lost, luck):
 
 def test_a_test_score_says_how_little_it_shows():
     """20 of 20 shows 83 % or more: 0.025 ** (1 / 20)."""
-    seen = SideScore((20, 20), (10, 10), (10, 10), exact_interval(20, 20))
+    seen = side((20, 20), (10, 10), (10, 10))
     every = np.ones(20, bool)
     comparisons = compare({"s+": every, RIVAL: every}, [("s+", RIVAL)])
     first, *_ = comparison_sentences([row("s+", test=seen)], comparisons, has_test=True)

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from vqa_state.abstaining import AbstainRule
 from vqa_state.answers import AnswerTable
-from vqa_state.coverage import CoveragePoint, coverage_curve
+from vqa_state.coverage import CoveragePoint, coverage_curve, single_votes
 from vqa_state.errors import NothingToSearchError
 from vqa_state.features import Featurizer, embedded_features
 from vqa_state.files import write_atomically
@@ -32,15 +31,13 @@ from vqa_state.search.genetic import SearchSettings, search
 from vqa_state.splits import look_alikes
 from vqa_state.tuning import Results, results, table_digest
 from vqa_state.voting.choosing import Recommendation
-from vqa_state.voting.estimates import Estimate, known_mean
+from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.fitting import fit_votes
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
 __all__ = ["AssessProgress", "Assessment", "RivalRecord", "Stage", "assess", "assessment"]
 
 _QUICK = SearchSettings(population=100, generations=30)
-
-Floats = NDArray[np.float64]
 
 
 class Stage(StrEnum):
@@ -63,11 +60,11 @@ class Assessment(BaseModel):
         finished: False if a user stopped it; what came is kept.
         n_resamples: resamples that were made.
         votes: the vote of each kind, fitted on all training images.
-        estimates: out of bag, of each kind; `recommended_estimate` is that of taking what is
-            recommended, the choice included.
+        estimates: out of bag, of each kind by itself; `recommended_estimate` is that of taking what
+            is recommended, the choice included. `estimate_of` says which of them to show.
         recommendation: which kind to take, and why.
         groups_divided: look-alikes had to be parted, so the estimates flatter.
-        curves: accuracy against coverage of each kind, from out-of-bag votes.
+        curves: accuracy against coverage of each kind, from single out-of-bag votes.
         margins: out-of-bag margin of each training image, NaN if it was never out.
         frontier: what each further question buys on training images.
         rival: None if there is none, and then `no_rival` says why.
@@ -75,7 +72,7 @@ class Assessment(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    schema_version: Literal[2] = 2
+    schema_version: Literal[3] = 3
     objective: Objective
     table: str
     seed: int
@@ -92,6 +89,17 @@ class Assessment(BaseModel):
     frontier: tuple[FrontierPoint, ...]
     rival: RivalRecord | None
     no_rival: str
+
+    def estimate_of(self, kind: VoteKind) -> Estimate:
+        """What to show for a kind of vote: of the recommended one, the estimate with the choice.
+
+        The kind was picked because its own estimate is the highest, or near it: that one flatters.
+
+        Raises:
+            KeyError: if there is no such kind of vote.
+        """
+        own = self.estimates[kind]
+        return self.recommended_estimate if kind is self.recommendation.kind else own
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +277,7 @@ class _Making:
             recommended_estimate=out.recommended,
             recommendation=out.recommendation,
             groups_divided=out.groups_divided,
-            curves={kind: _curve(out, kind, self._train) for kind in out.kinds},
+            curves={k: _curve(out, k, self._train, self._groups) for k in out.kinds},
             margins=dict(zip(self._train.image_ids, margins, strict=True)),
             frontier=frontier,
             rival=rival,
@@ -277,18 +285,14 @@ class _Making:
         )
 
 
-def _curve(out: OutOfBag, kind: VoteKind, train: AnswerTable) -> tuple[CoveragePoint, ...]:
-    """Sureness as a single vote has it, averaged over the votes that never saw the image."""
-    margins = np.full((len(out.resamples), train.n_images), np.nan)
-    for row, resample in zip(margins, out.resamples, strict=True):
-        rule = AbstainRule(resample.votes[kind])
-        shares = train.p_positive if kind is VoteKind.WEIGHTED_P_YES else None
-        row[resample.out] = rule.margins(train.verdicts, shares)[resample.out]
-    sureness: Floats = np.asarray(known_mean(np.abs(margins)))
+def _curve(
+    out: OutOfBag, kind: VoteKind, train: AnswerTable, groups: NDArray[np.int64]
+) -> tuple[CoveragePoint, ...]:
+    """Empty if no image was ever out of bag."""
+    sureness, states = single_votes(out, kind, train)
     if np.isnan(sureness).all():
         return ()
-    states = np.sign(np.nan_to_num(known_mean(margins))).astype(np.int8)
-    return coverage_curve(np.minimum(sureness, 1.0), states, train.labels)
+    return coverage_curve(sureness, states, train.labels, groups)
 
 
 def _groups(project: Project, image_ids: tuple[str, ...]) -> NDArray[np.int64]:

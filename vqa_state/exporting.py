@@ -116,7 +116,7 @@ def _record(vote: FittedVote, table: AnswerTable) -> ScoreRecord | None:
 
 
 def _estimate(assessed: Assessment, kind: VoteKind) -> EstimateRecord | None:
-    one = assessed.estimates[kind]
+    one = assessed.estimate_of(kind)
     if math.isnan(one.share):
         return None
     return EstimateRecord(

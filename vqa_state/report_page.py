@@ -5,11 +5,13 @@ from html import escape
 
 import pandas as pd
 
+import vqa_state
 from vqa_state import report, report_pictures, report_plots
 from vqa_state.assessing import Assessment
 from vqa_state.frontier_marks import cheaper_sentence, marked_points
 from vqa_state.project import Project
 from vqa_state.standings import Standings, standings_frame
+from vqa_state.standings_words import TABLE_NOTE
 from vqa_state.suggesting import hints
 from vqa_state.tuning import Results
 
@@ -55,10 +57,7 @@ def report_page(
         "<h2>What the numbers say</h2>",
         _list([one for one in (table.recommendation, *table.warnings) if one]),
         _table(standings_frame(table)),
-        "<p>★ marks the recommended kind of vote. Behind the test scores stand their exact 95 % "
-        "intervals, behind the estimates out of bag ones as wide as those of so many images. "
-        "Training scores carry none, because training images chose the questions. Milliseconds "
-        "(ms) were measured on the machine that asked.</p>",
+        f"<p>{escape(TABLE_NOTE)} Milliseconds (ms) were measured on the machine that asked.</p>",
         _list(table.sentences),
         "<h2>What is proved about the subsets</h2>",
         "<p>Proofs are about these training images and questions. They do not say how any subset "
@@ -74,7 +73,7 @@ def report_page(
         "<h2>Possibly mislabelled</h2>",
         report_pictures.doubtful_labels(project, hinted, assessed=assessed is not None),
         "<h2>Provenance</h2>",
-        _list(_provenance(project, found)),
+        _list(_provenance(project, found, assessed)),
     ]
     title = escape(project.name)
     style = _STYLE + report_pictures.STYLE + report_plots.STYLE
@@ -96,7 +95,8 @@ def _assessed(found: Results, assessed: Assessment) -> list[str]:
         report_plots.frontier_plot(assessed.frontier, marks),
         "<h2>Accuracy against coverage</h2>",
         "<p>Out of bag, of the recommended vote: the fewer images get a verdict, the more of the "
-        "verdicts are right.</p>",
+        "verdicts are right. Each point is of single votes, because a new image gets one; its "
+        "interval knows that an image has several.</p>",
         report_plots.coverage_plot(curve),
     ]
 
@@ -135,11 +135,12 @@ def _cell(share: float, *, good: bool) -> str:
     return f'<td style="background: hsl({hue:.0f} 70% 50% / 35%)">{100 * share:.0f}</td>'
 
 
-def _provenance(project: Project, found: Results) -> list[str]:
+def _provenance(project: Project, found: Results, assessed: Assessment | None) -> list[str]:
     shifts, evaluation = project.augmentation, found.evaluation
     saved = found.searches[project.chosen]
     sizes = saved.settings
     return [
+        f"Program: VQA State {vqa_state.__version__}",
         f"Model: {project.model}; fingerprint: {project.fingerprint}",
         f"{found.train.n_images} training images, "
         f"{found.test.n_images if found.test else 0} test images, {found.train.n_questions} "
@@ -149,9 +150,25 @@ def _provenance(project: Project, found: Results) -> list[str]:
         f"Search: {saved.engine.value}, {sizes.population} individuals, {sizes.generations} "
         f"generations, seed {saved.seed}, α {saved.weights.alpha:g}, β {saved.weights.beta:g}, "
         f"{'finished' if saved.finished else 'stopped by the user'}",
+        *_assessed_how(assessed),
         f"The test results were looked at {project.test_looks + 1} times, this one included",
         *report.look_alike_sentences(project),
         "Method: K. Kawaharazuka et al., ICRA 2023, arXiv 2303.05052",
+    ]
+
+
+def _assessed_how(assessed: Assessment | None) -> list[str]:
+    if assessed is None:
+        return ["Assessment: none of these answers and labels"]
+    end = "finished" if assessed.finished else "stopped by the user"
+    rival = assessed.rival
+    return [
+        f"Assessment: of {assessed.objective.value}, {assessed.n_resamples} resamples, seed "
+        f"{assessed.seed}, {end}",
+        f"Rival: none, {assessed.no_rival}"
+        if rival is None
+        else f"Rival: {rival.n_features} features a picture, strength {rival.strength:g}; image "
+        f"network's fingerprint: {rival.fingerprint}",
     ]
 
 

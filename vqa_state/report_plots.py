@@ -73,7 +73,7 @@ def frontier_plot(points: Sequence[FrontierPoint], own: Sequence[MarkedPoint]) -
 
 
 def coverage_plot(curve: Sequence[CoveragePoint]) -> str:
-    """Right verdicts against images that get one, out of bag."""
+    """Right verdicts against single votes that give one, out of bag."""
     covered = [point for point in curve if point.n_covered]
     if not covered:
         return "<p>Not known: no training image was ever out of bag.</p>"
@@ -82,16 +82,14 @@ def coverage_plot(curve: Sequence[CoveragePoint]) -> str:
         _Mark(
             point.coverage,
             (point.accuracy - least) / (1 - least),
-            f"{point.n_covered} of {point.n_images} get a verdict, {point.n_correct} are right "
-            f"(95 % interval {point.interval.low:.0%} to {point.interval.high:.0%}) from sureness "
-            f"{point.min_sureness:.2f}",
+            f"from sureness {point.min_sureness:.2f}: {point.sentence()}",
         )
         for point in covered
     ]
     return _plot(
         marks,
         [],
-        below=("0 %", "images with a verdict", "100 %"),
+        below=("0 %", "votes with a verdict", "100 %"),
         beside=(f"{100 * least:.0f} %", "right verdicts", "100 %"),
     )
 

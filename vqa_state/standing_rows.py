@@ -3,13 +3,17 @@
 from dataclasses import dataclass
 
 from vqa_state.comparing import Comparison
+from vqa_state.coverage import CoveragePoint
 from vqa_state.evaluation import Interval
 from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.kinds import VoteKind
 
-__all__ = ["RIVAL", "SideScore", "Standing", "Standings"]
+__all__ = ["CAREFUL", "RIVAL", "SideScore", "Standing", "Standings"]
 
 RIVAL = "trained image classifier"
+
+CAREFUL = 0.9
+"""Coverage at which the table says how right the verdicts are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,13 +22,16 @@ class SideScore:
 
     Attributes:
         whole: of all images; `positive` and `negative` of those of each state.
-        interval: exact 95 % interval of the recognized share.
+        interval: exact 95 % interval of the recognized share; `positive_interval` and
+            `negative_interval` of that of each state, NaN to NaN without images of it.
     """
 
     whole: tuple[int, int]
     positive: tuple[int, int]
     negative: tuple[int, int]
     interval: Interval
+    positive_interval: Interval
+    negative_interval: Interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +47,12 @@ class Standing:
         milliseconds: about what a decision takes; None if no pace was measured.
         train: on training images, which chose it: no interval can be honest there.
         estimate: out of bag, for the kinds of vote of the assessed subset and for the rival; else
-            None.
+            None. That of the recommended kind has the choice between the kinds inside.
         test: on test images; None without them, or where the rival has not seen all of them.
         recommended: whether it is the recommended kind of vote.
+        uncareful: what its single out-of-bag votes do if it abstains only where nothing leans;
+            None without an assessment.
+        careful: the same where `CAREFUL` of the votes shall give a verdict.
     """
 
     name: str
@@ -55,6 +65,8 @@ class Standing:
     estimate: Estimate | None
     test: SideScore | None
     recommended: bool
+    uncareful: CoveragePoint | None = None
+    careful: CoveragePoint | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ images; whoever shows them counts it.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,12 @@ from vqa_state.answers import AnswerTable
 from vqa_state.assessing import Assessment
 from vqa_state.checking import Pace
 from vqa_state.comparing import Comparison, compare
+from vqa_state.coverage import choose_point
 from vqa_state.early_stop import Schedule, calls_needed
 from vqa_state.evaluation import Candidate, exact_interval
 from vqa_state.pace import milliseconds
 from vqa_state.scores import Objective
-from vqa_state.standing_rows import RIVAL, SideScore, Standing, Standings
+from vqa_state.standing_rows import CAREFUL, RIVAL, SideScore, Standing, Standings
 from vqa_state.standings_words import (
     badge_sentences,
     comparison_sentences,
@@ -28,7 +29,6 @@ from vqa_state.standings_words import (
     warning_sentences,
 )
 from vqa_state.tuning import Results
-from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
 __all__ = ["RIVAL", "SideScore", "Standing", "Standings", "standings", "standings_frame"]
@@ -84,9 +84,8 @@ class _Maker:
             {VoteKind.PAPER: _paper(subset)} if assessed is None else assessed.votes
         )
         for kind, vote in votes.items():
-            estimate = None if assessed is None else assessed.estimates.get(kind)
-            best = assessed is not None and assessed.recommendation.kind is kind
-            yield self._voting(_name(chosen, kind), vote, estimate, recommended=best)
+            entry = self._voting(_name(chosen, kind), vote)
+            yield entry if assessed is None else _with_estimates(entry, assessed, kind)
         for objective in searches:
             if objective is not chosen:
                 vote = _paper(searches[objective].subset)
@@ -99,14 +98,7 @@ class _Maker:
                 yield self._voting(row.name.value, _paper(row.subset))
         yield from self._rival()
 
-    def _voting(
-        self,
-        name: str,
-        vote: FittedVote,
-        estimate: Estimate | None = None,
-        *,
-        recommended: bool = False,
-    ) -> _Entry:
+    def _voting(self, name: str, vote: FittedVote) -> _Entry:
         train = self._found.train
         on_test = self._decided(vote)
         row = Standing(
@@ -117,9 +109,9 @@ class _Maker:
             early_calls=_early_calls(vote, train),
             milliseconds=milliseconds(self._pace, vote.n_used, train.n_copies),
             train=_side(vote.decide(self._train) == train.labels, train.labels),
-            estimate=estimate,
+            estimate=None,
             test=self._tested(on_test),
-            recommended=recommended,
+            recommended=False,
         )
         return _Entry(row, on_test)
 
@@ -171,6 +163,19 @@ def _paper(subset: tuple[int, ...]) -> FittedVote:
     return FittedVote(VoteKind.PAPER, chosen, (1,) * n_used, (False,) * n_used, 0.5)
 
 
+def _with_estimates(entry: _Entry, assessed: Assessment, kind: VoteKind) -> _Entry:
+    """What was learned of a kind of vote without the test images."""
+    curve = assessed.curves.get(kind)
+    row = replace(
+        entry.row,
+        estimate=assessed.estimate_of(kind),
+        recommended=assessed.recommendation.kind is kind,
+        uncareful=curve[0] if curve else None,
+        careful=choose_point(curve, CAREFUL) if curve else None,
+    )
+    return _Entry(row, entry.test)
+
+
 def _name(objective: Objective, kind: VoteKind) -> str:
     return objective.value if kind is VoteKind.PAPER else f"{objective.value}, {kind.value}"
 
@@ -186,8 +191,8 @@ def _side(right: Mask, labels: NDArray[np.int8]) -> SideScore:
     def pair(images: Mask) -> tuple[int, int]:
         return int(right[images].sum()), int(images.sum())
 
-    whole = pair(np.ones(labels.shape, dtype=bool))
-    return SideScore(whole, pair(labels > 0), pair(labels < 0), exact_interval(*whole))
+    pairs = pair(np.ones(labels.shape, dtype=bool)), pair(labels > 0), pair(labels < 0)
+    return SideScore(*pairs, *(exact_interval(*one) for one in pairs))
 
 
 def _comparisons(entries: list[_Entry], chosen: Objective) -> tuple[Comparison, ...]:

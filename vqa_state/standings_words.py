@@ -11,20 +11,34 @@ import pandas as pd
 
 from vqa_state.assessing import Assessment
 from vqa_state.comparing import Comparison
+from vqa_state.evaluation import Interval
 from vqa_state.scores import Objective
 from vqa_state.search.proof import Badge
-from vqa_state.standing_rows import RIVAL, Standing, Standings
+from vqa_state.standing_rows import CAREFUL, RIVAL, Standing, Standings
 from vqa_state.tuning import Results, SavedSearch
 from vqa_state.voting.choosing import NEAR
 from vqa_state.voting.estimates import Estimate, optimism_warning
 
 __all__ = [
+    "TABLE_NOTE",
     "badge_sentences",
     "comparison_sentences",
     "recommendation_sentence",
     "standings_frame",
     "warning_sentences",
 ]
+
+TABLE_NOTE = (
+    "★ marks the recommended kind of vote; its estimate out of bag has the choice between the "
+    "kinds repeated inside, those of the other kinds have not. Behind test scores stand their "
+    "exact 95 % intervals, those of a single state too. Behind the estimates out of bag stand "
+    "intervals as wide as those of so many images; those of a single state carry none: they rest "
+    "on about half the images and are less certain still. Training scores carry none, because "
+    "training images chose the questions. An unknown verdict counts as not recognized. “Unknown” "
+    "and “right at 90 %” are of single out-of-bag votes: how many give no verdict, and how many "
+    "verdicts are right when only the surest 90 % of the votes give one."
+)
+"""What to read below the table, wherever it is shown."""
 
 _INSTEAD = (
     "A trained classifier serves you better than questions do; this program does not export one."
@@ -45,8 +59,18 @@ def recommendation_sentence(assessed: Assessment | None) -> str:
     """Which kind of vote to take, and why; "" without an assessment."""
     if assessed is None:
         return ""
-    one = assessed.recommendation
-    return f"Recommended: the vote by {one.kind.value!r}, because {one.reason}."
+    one, expected, n_images = (
+        assessed.recommendation,
+        assessed.recommended_estimate,
+        len(assessed.margins),
+    )
+    said = f"Recommended: the vote by {one.kind.value!r}, because {one.reason}."
+    if math.isnan(expected.share):
+        return said
+    return (
+        f"{said} To be picked by such numbers flatters a vote; with the choice repeated on every "
+        f"resample, it is {expected.share * n_images:.1f} of {n_images}."
+    )
 
 
 def comparison_sentences(
@@ -113,7 +137,7 @@ def _of_the_rival(
         yield "The rival has not seen all training images; assess again."
         return
     said = _rival_out_of_bag(
-        assessed.estimates[assessed.recommendation.kind],
+        assessed.recommended_estimate,
         assessed.rival.estimate,
         row.train.whole[1],
     )
@@ -163,13 +187,22 @@ def _words(row: Standing) -> dict[str, object]:
         "ms": "–" if row.milliseconds is None else f"{row.milliseconds:.0f}",
         "train": _share(row.train.whole),
         **_estimated(row, n_images),
-        "test": "–"
-        if test is None
-        else f"{_share(test.whole)} ({test.interval.low * test.whole[1]:.1f}–"
-        f"{test.interval.high * test.whole[1]:.1f})",
-        "test, positive": "–" if test is None else _share(test.positive),
-        "test, negative": "–" if test is None else _share(test.negative),
+        **_careful(row),
+        "test": "–" if test is None else _between(test.whole, test.interval),
+        "test, positive": "–" if test is None else _between(test.positive, test.positive_interval),
+        "test, negative": "–" if test is None else _between(test.negative, test.negative_interval),
     }
+
+
+def _careful(row: Standing) -> dict[str, object]:
+    """What single out-of-bag votes leave open, and how right the surest of them are."""
+    first, careful = row.uncareful, row.careful
+    names = "out of bag, unknown", f"out of bag, right at {CAREFUL:.0%}".replace("%", " %")
+    if first is None or careful is None or not careful.n_covered:
+        return dict.fromkeys(names, "–")
+    low, high = careful.interval.low, careful.interval.high
+    cells = f"{1 - first.coverage:.0%}", f"{careful.accuracy:.0%} ({low:.0%}–{high:.0%})"
+    return dict(zip(names, cells, strict=True))
 
 
 def _estimated(row: Standing, n_images: int) -> dict[str, object]:
@@ -187,6 +220,13 @@ def _estimated(row: Standing, n_images: int) -> dict[str, object]:
 
 def _share(pair: tuple[int, int]) -> str:
     return f"{pair[0]} of {pair[1]}"
+
+
+def _between(pair: tuple[int, int], interval: Interval) -> str:
+    """With the interval in images; a state without images has none."""
+    if pair[1] == 0:
+        return "–"
+    return f"{_share(pair)} ({interval.low * pair[1]:.1f}–{interval.high * pair[1]:.1f})"
 
 
 def _part(share: float, n_images: int) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Estimate", "estimate", "known_mean", "optimism_warning"]
+__all__ = ["Estimate", "estimate", "known_mean", "optimism_warning", "share_interval"]
 
 _CONFIDENCE = 0.95
 _EXACT = 1e-9
@@ -56,7 +56,7 @@ def estimate(recognized: Floats, labels: NDArray[np.int8], groups: NDArray[np.in
     # The spread of the images' scores is too small: bags share most of their images. So is
     # an interval made from it, which holds the truth in 74 of 100 synthetic tasks.
     spread = math.sqrt(share * (1 - share) / n_units)
-    return Estimate(share, positive, negative, spread, *_interval(share, n_units))
+    return Estimate(share, positive, negative, spread, *share_interval(share, n_units))
 
 
 def optimism_warning(train_share: float, estimate: Estimate, n_images: int) -> str | None:
@@ -80,8 +80,15 @@ def optimism_warning(train_share: float, estimate: Estimate, n_images: int) -> s
     )
 
 
-def _interval(share: float, n_images: int) -> tuple[float, float]:
-    """Clopper-Pearson, whose beta quantiles also take a number of successes that is not whole."""
+def share_interval(share: float, n_images: float) -> tuple[float, float]:
+    """The 95 % interval of a share as wide as an exact one of so many independent images.
+
+    Clopper-Pearson, whose beta quantiles also take numbers that are not whole.
+
+    Args:
+        share: in [0, 1].
+        n_images: above 0; need not be whole.
+    """
     from scipy.special import betaincinv
 
     successes, tail = share * n_images, (1 - _CONFIDENCE) / 2
