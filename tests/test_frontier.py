@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.tables import draw_counts, draw_task
+from vqa_state import frontier
 from vqa_state.errors import NothingToSearchError
 from vqa_state.frontier import FrontierPoint, search_frontier, thinned
 from vqa_state.scores import Counts, score
@@ -104,6 +105,48 @@ def test_reports_never_get_worse_and_repeat_exactly():
             max((q for n, q in shown(r.points) if n <= size), default=(-1, -1.0)) for r in reports
         ]
         assert best == sorted(best)
+
+
+def test_beyond_64_questions_sizes_double(monkeypatch):
+    """Hundreds of questions take as many steps as 64 and a few more."""
+    monkeypatch.setattr(frontier, "_CELLS_A_STEP", 50_000)
+    counts = lifelike(3, 300)
+    reports = list(search_frontier(counts))
+    assert reports[-1].finished
+    assert {report.total for report in reports} == {4 * (67 + 66)}
+    points = reports[-1].points
+    sizes = {point.n_questions for point in points}
+    assert sizes <= {*range(1, 65), 128, 256, 300}
+    assert shown(points) == qualities_of(counts, points)
+    assert shown(points) == beaten(dict(shown(points)))
+    # No worse than the plain way to grow, one question after the other.
+    greedy, chosen = {}, np.zeros(300, dtype=int)
+    for size in range(1, 65):
+        tried = np.array([chosen + (np.arange(300) == q) for q in np.flatnonzero(chosen == 0)])
+        best = max(range(len(tried)), key=qualities(counts, tried).__getitem__)
+        chosen = tried[best]
+        greedy[size] = qualities(counts, chosen[np.newaxis])[0]
+    for size, quality in greedy.items():
+        assert max(q for n, q in shown(points) if n <= size) >= quality
+
+
+def qualities_of(counts, points):
+    rows = np.array([np.isin(np.arange(counts.n_questions), p.subset) for p in points])
+    return list(zip(rows.sum(axis=1).tolist(), qualities(counts, rows.astype(int)), strict=True))
+
+
+def test_sizes_that_double_reach_what_only_many_questions_tell(monkeypatch):
+    """Each question is about one image alone: as many are recognized as there are questions."""
+    monkeypatch.setattr(frontier, "_CELLS_A_STEP", 50_000)
+    n = 150
+    correct = np.zeros((n, n), dtype=int)
+    np.fill_diagonal(correct, 2)
+    labels = np.where(np.arange(n) % 2, 1, -1).astype(np.int8)
+    counts = Counts(correct, np.zeros_like(correct), 2 - correct, labels)
+    points = last_points(counts)
+    assert [(p.n_questions, p.n_recognized) for p in points] == [
+        (size, size) for size in [*range(1, 65), 128, 150]
+    ]
 
 
 def test_nothing_global_changes():

@@ -1,5 +1,6 @@
 """Train and test: each state divided by its share, look-alikes never on both sides."""
 
+import hashlib
 import random
 from collections import Counter
 
@@ -33,6 +34,51 @@ def test_uneven_states_are_divided_on_their_own():
     counts = per_state(labels, split(labels))
     assert (counts[1, TRAIN], counts[1, TEST]) == (15, 15)
     assert (counts[-1, TRAIN], counts[-1, TEST]) == (2, 2)
+
+
+@given(st.data(), st.integers(0, 3), st.sampled_from([0.33, 0.5, 0.7]))
+def test_each_goes_to_the_side_that_is_emptier_when_counted_anew(data, seed, share):
+    """The plain way: in the same order, count all images at every turn."""
+    labels = {
+        f"i{n}": data.draw(st.sampled_from([1, -1])) for n in range(data.draw(st.integers(1, 12)))
+    }
+    kinds = data.draw(st.lists(st.integers(0, 4), min_size=len(labels), max_size=len(labels)))
+    groups = [[i for i, k in zip(labels, kinds, strict=True) if k == kind] for kind in (1, 2)]
+    fixed = {i: data.draw(st.sampled_from([TRAIN, TEST])) for i in list(labels)[:2]}
+    sides = dict(fixed)
+
+    def emptier(unit):
+        states = {labels[i] for i in unit}
+        n_train, n_test = (
+            sum(s is side and labels[i] in states for i, s in sides.items())
+            for side in (TRAIN, TEST)
+        )
+        return TRAIN if n_train / share <= n_test / (1 - share) else TEST
+
+    units = [tuple(sorted(group)) for group in groups if group]
+    units += [(i,) for i in labels if i not in {j for group in groups for j in group}]
+
+    def turn(unit):
+        return -len(unit), hashlib.sha256(f"{seed}:{unit[0]}".encode()).digest()
+
+    for unit in sorted(units, key=turn):
+        free = [i for i in unit if i not in fixed]
+        before = {fixed[i] for i in unit if i in fixed}
+        if len(before) == 2:
+            for i in free:
+                sides[i] = emptier([i])
+        else:
+            side = before.pop() if before else emptier(free)
+            sides.update(dict.fromkeys(free, side))
+    found = split(labels, groups, fixed, train_share=share, seed=seed)
+    lone = {
+        s
+        for s in (1, -1)
+        if len({sides[i] for i in labels if labels[i] == s}) < 2
+        and sum(label == s for label in labels.values()) > 1
+    }
+    if not lone:  # else its groups are divided after all
+        assert found == sides
 
 
 def test_seeds_differ_and_repeat():

@@ -6,6 +6,9 @@ each subset is offered every further question, and down again, where each drops 
 its own; on the way the best of each size also swap any of theirs for any other. Rounds follow until
 one changes no point.
 
+Beyond 64 questions only sizes of 128, 256 and so on, and all questions, are looked at, and of large
+tables the beams are narrower, so that a frontier takes minutes, not hours.
+
 It is judged by training images only, as every choice is. Why a beam and not NSGA-II, and how both
 were measured: docs/decisions/0010-frontier.md.
 
@@ -29,7 +32,13 @@ MAX_ROUNDS = 4
 
 _BEAM = 64  # subsets of each size that are kept
 _SWAPPING = 4  # of these, the best, which also swap
+_SWAPS = 1024  # of one subset: all that there are of 64 questions
 _MAX_CELLS = 500_000  # images x subsets whose sums are held at once
+
+_EVERY_SIZE = 64  # up to here; then sizes double
+_LEAPS = 8  # in so many steps from one size to the next
+_CELLS_A_STEP = 1_000_000  # images x subsets that a beam, and its swaps, may look at
+_OVERHEAD = 20  # a subset costs as much as so many images more
 
 _Moves = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]
 """Rows of subsets, the question that each loses, and the one that it gets; n_questions is none."""
@@ -141,15 +150,13 @@ def thinned(points: tuple[FrontierPoint, ...]) -> tuple[FrontierPoint, ...]:
 
 
 def _rounds(counts: Counts) -> Iterator[FrontierReport]:
-    n_questions = counts.n_questions
-    beams = _Beams(counts)
-    up, down = range(1, n_questions + 1), range(n_questions - 1, 0, -1)
+    beams, sizes = _Beams(counts), _sizes(counts.n_questions)
+    up = list(zip(sizes, [0, *sizes], strict=False))
+    down = [(size, start) for start, size in up[:0:-1]]
     steps = len(up) + len(down)
     for number in range(MAX_ROUNDS):
         before = beams.best()
-        for done, (size, start) in enumerate(
-            [(size, size - 1) for size in up] + [(size, size + 1) for size in down], start=1
-        ):
+        for done, (size, start) in enumerate([*up, *down], start=1):
             beams.grow(size, start)
             last = done == steps and (number == MAX_ROUNDS - 1 or beams.best() == before)
             yield FrontierReport(
@@ -162,15 +169,26 @@ def _rounds(counts: Counts) -> Iterator[FrontierReport]:
                 return
 
 
+def _sizes(n_questions: int) -> list[int]:
+    """Numbers of questions that are looked at, ascending."""
+    sizes = list(range(1, min(n_questions, _EVERY_SIZE) + 1))
+    while sizes[-1] < n_questions:
+        sizes.append(min(2 * sizes[-1], n_questions))
+    return sizes
+
+
 class _Beams:
     """The best subsets of each size found so far.
 
-    A beam is rows of zeros and ones, (up to _BEAM, n_questions), the best first. A subset's value
+    A beam is rows of zeros and ones, (up to `width`, n_questions), the best first. A subset's value
     is its recognized images plus half of its R_ave, so more images always come first.
     """
 
     def __init__(self, counts: Counts) -> None:
         self._counts = counts
+        affordable = max(1, _CELLS_A_STEP // (counts.n_images + _OVERHEAD))  # subsets
+        self._width = min(_BEAM, max(1, affordable // counts.n_questions))
+        self._swapping = min(_SWAPPING, max(1, affordable // _SWAPS))
         # One more row, of zeros, for the question that is none.
         nothing = np.zeros((1, counts.n_images))
         self._correct = np.concatenate([counts.correct.T, nothing])  # (n_questions + 1, n_images)
@@ -195,14 +213,65 @@ class _Beams:
     def grow(self, size: int, start: int) -> None:
         """Better the beam of one size from that of a neighbouring size, then by swaps."""
         neighbours = self._beams[start]
+        if abs(size - start) > 1:  # not by one question, but nearly so far, in a few leaps
+            neighbours = self._leapt(neighbours[: self._swapping], size)
         self._merge(
             size, neighbours, _additions(neighbours) if start < size else _drops(neighbours)
         )
-        self._merge(size, self._beams[size][:_SWAPPING], _swaps(self._beams[size][:_SWAPPING]))
+        best = self._beams[size][: self._swapping]
+        self._merge(size, best, self._likely_swaps(best))
         subset = tuple(np.flatnonzero(self._beams[size][0]).tolist())
         held = self._points[size]
         if held is None or held.subset != subset:
             self._points[size] = point_of(self._counts, subset)
+
+    def _leapt(self, subsets: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+        """Each subset with questions added or dropped until one more step leads to the size.
+
+        The best by themselves are taken, several at once.
+        """
+        rising = bool(subsets[0].sum() < size)
+        for left in range(_LEAPS, 0, -1):
+            missing = abs(size - int(subsets[0].sum())) - 1
+            rows, outs, ins = _additions(subsets) if rising else _drops(subsets)
+            values = self._values(subsets, rows, outs, ins)
+            subsets = subsets.copy()
+            for row in range(len(subsets)):
+                of_row = np.flatnonzero(rows == row)
+                chosen = of_row[np.argsort(-values[of_row], kind="stable")[: -(-missing // left)]]
+                subsets[row, (ins if rising else outs)[chosen]] = rising
+        return subsets
+
+    def _likely_swaps(self, subsets: NDArray[np.uint8]) -> _Moves:
+        """All swaps; where they are too many, of the questions that are best to drop and to add."""
+        size = int(subsets[0].sum())
+        if size * (self._counts.n_questions - size) <= _SWAPS:
+            return _swaps(subsets)
+        held = self._promising(subsets, *_drops(subsets), size)
+        lacked = self._promising(subsets, *_additions(subsets), size)
+        return _swaps(subsets, held, lacked)
+
+    def _promising(
+        self,
+        subsets: NDArray[np.uint8],
+        rows: NDArray[np.intp],
+        outs: NDArray[np.intp],
+        ins: NDArray[np.intp],
+        size: int,
+    ) -> NDArray[np.bool_]:
+        """Which questions of each subset are best to move, as many as can be swapped in all."""
+        n_held = min(size, int(_SWAPS**0.5))
+        n_lacked = min(self._counts.n_questions - size, _SWAPS // n_held)
+        n_held = _SWAPS // n_lacked
+        dropping = bool((ins == self._counts.n_questions).all())
+        values = self._values(subsets, rows, outs, ins)
+        chosen = np.zeros(subsets.shape, dtype=np.bool_)
+        for row in range(len(subsets)):
+            of_row = np.flatnonzero(rows == row)
+            best = of_row[np.argsort(-values[of_row], kind="stable")]
+            best = best[: n_held if dropping else n_lacked]
+            chosen[row, (outs if dropping else ins)[best]] = True
+        return chosen
 
     def _merge(self, size: int, parents: NDArray[np.uint8], moves: _Moves) -> None:
         """Keep the best of a beam and of the parents after each move, each subset once."""
@@ -215,7 +284,7 @@ class _Beams:
         names = (pool @ self._names[:-1])[rows] - self._names[outs] + self._names[ins]
         _, once = np.unique(names, return_index=True)
         rows, outs, ins = rows[once], outs[once], ins[once]
-        order = np.lexsort([names[once], -self._values(pool, rows, outs, ins)])[:_BEAM]
+        order = np.lexsort([names[once], -self._values(pool, rows, outs, ins)])[: self._width]
         moved = np.column_stack([pool[rows[order]], np.zeros(len(order), dtype=np.uint8)])
         moved[np.arange(len(order)), outs[order]] = 0
         moved[np.arange(len(order)), ins[order]] = 1
@@ -270,8 +339,13 @@ def _drops(subsets: NDArray[np.uint8]) -> _Moves:
     return rows, outs, np.full(len(rows), subsets.shape[1])
 
 
-def _swaps(subsets: NDArray[np.uint8]) -> _Moves:
-    """Every question that a subset holds for every one that it lacks."""
-    held, lacked = subsets[:, :, np.newaxis], subsets[:, np.newaxis, :] == 0
-    rows, outs, ins = np.nonzero(held & lacked)
+def _swaps(
+    subsets: NDArray[np.uint8],
+    held: NDArray[np.bool_] | None = None,
+    lacked: NDArray[np.bool_] | None = None,
+) -> _Moves:
+    """Every question that a subset holds for every one that it lacks, or some for some."""
+    held = subsets > 0 if held is None else held
+    lacked = subsets == 0 if lacked is None else lacked
+    rows, outs, ins = np.nonzero(held[:, :, np.newaxis] & lacked[:, np.newaxis, :])
     return rows, outs, ins

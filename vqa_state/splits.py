@@ -4,6 +4,7 @@ A test image that is nearly a training image would let the test say what trainin
 """
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
@@ -97,16 +98,15 @@ def _assign(
     train_share: float,
     seed: int,
 ) -> dict[str, Split]:
-    sides = dict(taken)
+    sides, filled = dict(taken), _Filled(labels, taken, train_share)
     for unit in _units(labels, groups, seed):
         free = [i for i in unit if i not in taken]
         before = {taken[i] for i in unit if i in taken}
         if len(before) > 1:  # the user or an earlier division put it on both sides
             for image_id in free:
-                sides[image_id] = _emptier_side([image_id], labels, sides, train_share)
+                sides[image_id] = filled.put([image_id])
         elif free:
-            side = before.pop() if before else _emptier_side(free, labels, sides, train_share)
-            sides.update(dict.fromkeys(free, side))
+            sides.update(dict.fromkeys(free, filled.put(free, before.pop() if before else None)))
     return sides
 
 
@@ -134,17 +134,27 @@ def _shuffled(image_id: str, seed: int) -> bytes:
     return hashlib.sha256(f"{seed}:{image_id}".encode()).digest()
 
 
-def _emptier_side(
-    unit: Sequence[str],
-    labels: Mapping[str, int],
-    sides: Mapping[str, Split],
-    train_share: float,
-) -> Split:
-    """The side on which the unit's states are furthest below their share; train on a tie."""
-    shares = {Split.TRAIN: train_share, Split.TEST: 1 - train_share}
-    states = {labels[i] for i in unit}
+class _Filled:
+    """How many images of each state stand on each side."""
 
-    def fill(side: Split) -> float:
-        return sum(s is side and labels[i] in states for i, s in sides.items()) / shares[side]
+    def __init__(
+        self, labels: Mapping[str, int], sides: Mapping[str, Split], train_share: float
+    ) -> None:
+        self._labels = labels
+        self._shares = {Split.TRAIN: train_share, Split.TEST: 1 - train_share}
+        self._counts = Counter((side, labels[i]) for i, side in sides.items())
 
-    return min(shares, key=fill)
+    def put(self, unit: Sequence[str], side: Split | None = None) -> Split:
+        """Count a unit on a side, by default on the emptier one, and say on which."""
+        states = [self._labels[i] for i in unit]
+        chosen = side or self._emptier(set(states))
+        self._counts.update((chosen, state) for state in states)
+        return chosen
+
+    def _emptier(self, states: set[int]) -> Split:
+        """The side on which these states are furthest below their share; train on a tie."""
+
+        def fill(side: Split) -> float:
+            return sum(self._counts[side, state] for state in states) / self._shares[side]
+
+        return min(self._shares, key=fill)
