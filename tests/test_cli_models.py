@@ -14,6 +14,7 @@ from vqa_state.models import presets
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.models.known import known_model
 from vqa_state.models.sight import N_CALLS, Sight
+from vqa_state.project import Project
 
 BLIND = "may drop the image"
 
@@ -81,6 +82,10 @@ def test_a_known_model_is_not_looked_at_again_but_told_again(run, folder, blind)
 
 
 def test_tune_looks_too(run, folder, blind):
+    project = Project.open(folder)
+    project.augmentation = replace(project.augmentation, n_copies=1)
+    project.search = replace(project.search, population=10, generations=2)
+    project.save()
     *_, err = run("tune", folder, "--model", "blind", "--engine", "paper", "--json")
     assert BLIND in err
     assert "It goes the slow way." in err
