@@ -6,13 +6,18 @@ from threading import Event, Timer
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from tuned_project import MODEL, tuned_copy
 
+from vqa_state import assessing
+from vqa_state.abstaining import AbstainRule
 from vqa_state.assessing import Stage, assess, assessment
+from vqa_state.coverage import single_votes
 from vqa_state.errors import ModelError, NothingToSearchError
 from vqa_state.exporting import recognizer_with
 from vqa_state.project import Project
 from vqa_state.recognizer import read_recognizer
+from vqa_state.recognizer_file import CarefulRecord
 from vqa_state.scores import Objective
 from vqa_state.splits import Split
 from vqa_state.standings import RIVAL, standings, standings_frame
@@ -224,8 +229,49 @@ def test_coverage_makes_the_recognizer_abstain(tuned):
     assert cautious.abstain.coverage == 0.3
     assert cautious.abstain.min_sureness in {point.min_sureness for point in curve}
     assert cautious.abstain.min_sureness > 0
+    (point,) = [one for one in curve if one.min_sureness == cautious.abstain.min_sureness]
+    said = cautious.abstain.out_of_bag
+    assert (said.n_images, said.n_votes) == (point.n_images, point.n_votes)
+    assert (said.n_verdicts, said.n_right) == (point.n_covered, point.n_correct)
+    assert f"{point.n_correct} of these are right" in said.sentence()
+    assert read_recognizer(cautious.to_bytes(), "it").to_bytes() == cautious.to_bytes()
+    plain = json.loads(recognizer_with(tuned, found, kept).to_bytes())
+    assert "out_of_bag" not in plain["abstain"]  # as files had it before there was such a count
     with pytest.raises(ValueError, match="coverage must be"):
         recognizer_with(tuned, found, kept, VoteKind.PAPER, 1.5)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"n_right": 6}, {"n_verdicts": 11}, {"low": 0.95}, {"n_votes": 0}]
+)
+def test_a_file_cannot_count_impossible_verdicts(wrong):
+    fields = {"n_images": 4, "n_votes": 10, "n_verdicts": 5, "n_right": 4, "low": 0.4, "high": 0.9}
+    assert "4 of these are right (80%" in CarefulRecord(**fields).sentence()
+    with pytest.raises(ValidationError):
+        CarefulRecord(**(fields | wrong))
+
+
+def test_each_single_vote_of_a_bag_counts_once(tuned, monkeypatch):
+    """By the votes of the resamples, one image at a time, with the rule that recognizes."""
+    seen = []
+    monkeypatch.setattr(
+        assessing, "single_votes", lambda *given: seen.append(given) or single_votes(*given)
+    )
+    kept = assessed(tuned)
+    for out, kind, train in seen:
+        n_votes = sum(int(one.out.sum()) for one in out.resamples)
+        for point in kept.curves[kind]:
+            n_covered = n_right = 0
+            for resample in out.resamples:
+                rule = AbstainRule(resample.votes[kind], point.min_sureness)
+                for place in np.flatnonzero(resample.out):
+                    shares = train.p_positive[[place]]
+                    (state,) = rule.states(train.verdicts[[place]], shares)
+                    n_covered += state != 0
+                    n_right += state == train.labels[place]
+            assert (point.n_votes, point.n_covered) == (n_votes, n_covered)
+            assert point.n_correct == n_right
+    assert {kind for _, kind, _ in seen} == set(VoteKind)
 
 
 def test_other_votes_need_an_assessment(tuned):

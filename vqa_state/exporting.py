@@ -6,7 +6,7 @@ import numpy as np
 
 from vqa_state.answers import AnswerTable
 from vqa_state.assessing import Assessment
-from vqa_state.coverage import choose_point
+from vqa_state.coverage import CoveragePoint, choose_point
 from vqa_state.errors import NothingToSearchError
 from vqa_state.evaluation import exact_interval
 from vqa_state.project import Project
@@ -18,6 +18,7 @@ from vqa_state.recognizer import (
     Scores,
     WeightedQuestion,
 )
+from vqa_state.recognizer_file import CarefulRecord
 from vqa_state.tuning import Results, paper_recognizer
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
@@ -33,7 +34,8 @@ def recognizer_with(
 ) -> Recognizer:
     """The recognizer of the project's chosen objective with another vote or with abstaining.
 
-    Its scores are those of the vote before it abstains.
+    Its scores and its estimate are those of the vote before it abstains; how right the verdicts are
+    that abstaining leaves stands with the coverage, counted over single out-of-bag votes.
 
     Args:
         project: its names, model and copies are written.
@@ -93,7 +95,21 @@ def _abstain(assessed: Assessment, kind: VoteKind, coverage: float | None) -> Ab
         raise NothingToSearchError(
             "no training image was ever out of bag, so no coverage can be learned; label more"
         )
-    return Abstain(min_sureness=choose_point(curve, coverage).min_sureness, coverage=coverage)
+    point = choose_point(curve, coverage)
+    return Abstain(min_sureness=point.min_sureness, coverage=coverage, out_of_bag=_careful(point))
+
+
+def _careful(point: CoveragePoint) -> CarefulRecord | None:
+    if not point.n_covered:
+        return None
+    return CarefulRecord(
+        n_images=point.n_images,
+        n_votes=point.n_votes,
+        n_verdicts=point.n_covered,
+        n_right=point.n_correct,
+        low=round(point.interval.low, 6),
+        high=round(point.interval.high, 6),
+    )
 
 
 def _scores(vote: FittedVote, found: Results) -> Scores:

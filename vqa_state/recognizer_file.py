@@ -24,6 +24,7 @@ from vqa_state.voting.kinds import MAX_WEIGHT, VoteKind
 __all__ = [
     "SCHEMA_VERSION",
     "Abstain",
+    "CarefulRecord",
     "Copies",
     "EstimateRecord",
     "ModelReference",
@@ -105,15 +106,51 @@ class WeightedQuestion(Record):
     weight: Annotated[int, Field(ge=1, le=MAX_WEIGHT)] = 1
 
 
+class CarefulRecord(Record):
+    """How right the verdicts are that abstaining leaves, by votes that never saw their image.
+
+    Of `n_votes` single out-of-bag votes on `n_images` training images, `n_verdicts` are sure
+    enough, and `n_right` of these are right. `low` to `high` is a 95 % interval of that share,
+    which knows that an image has several votes (vqa_state/coverage.py).
+    """
+
+    n_images: Annotated[int, Field(ge=1)]
+    n_votes: Annotated[int, Field(ge=1)]
+    n_verdicts: Annotated[int, Field(ge=1)]
+    n_right: Annotated[int, Field(ge=0)]
+    low: Share
+    high: Share
+
+    @model_validator(mode="after")
+    def _possible(self) -> "CarefulRecord":
+        if not self.n_right <= self.n_verdicts <= self.n_votes or self.low > self.high:
+            raise ValueError(
+                f"{self.n_right} right of {self.n_verdicts} verdicts of {self.n_votes} votes, "
+                f"interval {self.low} to {self.high}: such counts cannot be"
+            )
+        return self
+
+    def sentence(self) -> str:
+        """The counts in words."""
+        return (
+            f"Of {self.n_votes} votes on {self.n_images} training images by recognizers that never "
+            f"saw them, {self.n_verdicts} are sure enough, and {self.n_right} of these are right "
+            f"({self.n_right / self.n_verdicts:.0%}, 95 % interval {self.low:.0%} to "
+            f"{self.high:.0%})."
+        )
+
+
 class Abstain(Record):
     """When the verdict is unknown, besides at a tie and where no answer counts.
 
     `min_sureness` 0 asks for nothing more. `coverage` is the share of images that was to get a
-    verdict when it was learned, None if it was not learned.
+    verdict when it was learned, None if it was not learned; `out_of_bag` then says how right they
+    are. It does not stand in the file where it is not known.
     """
 
     min_sureness: Share = 0.0
     coverage: Annotated[float | None, Field(gt=0, le=1)] = None
+    out_of_bag: Annotated[CarefulRecord | None, Field(exclude_if=lambda one: one is None)] = None
 
 
 class ProofRecord(Record):
@@ -176,7 +213,8 @@ class Scores(Record):
 class EstimateRecord(Record):
     """What share of new images this kind of vote will recognize, from training images alone.
 
-    Out of bag: search and fits were repeated on `n_resamples` resamples, and judged on the images
+    Of the vote before it abstains. Out of bag: search and fits, and for the recommended kind the
+    choice between the kinds, were repeated on `n_resamples` resamples, and judged on the images
     that each lacked. The interval is one of 95 %.
     """
 
