@@ -59,8 +59,7 @@ FAULTS = {
 # One question, one image
 
 
-@pytest.mark.parametrize("name", FAULTS)
-@pytest.mark.parametrize("place", [0, 4, 15])
+@pytest.mark.parametrize(("name", "place"), [*((name, 0) for name in FAULTS), ("403", 4)])
 def test_one_forbidden_question_leaves_its_neighbours_alone(stub, name, place):
     questions = [f"q{n:02}" for n in range(16)]
     stub.script = poisoned(FAULTS[name], lambda call: call.question.startswith(questions[place]))
@@ -70,7 +69,7 @@ def test_one_forbidden_question_leaves_its_neighbours_alone(stub, name, place):
 
 
 @pytest.mark.parametrize("name", ["400", "403", "404", "500", "html"])
-@pytest.mark.parametrize("n_good", [1, 8, 15])
+@pytest.mark.parametrize("n_good", [1, 8])
 def test_many_forbidden_questions_leave_the_others_alone(stub, name, n_good):
     """Also when the server has not answered anything yet."""
     questions = [f"q{n:02}" for n in range(16)]
@@ -84,7 +83,7 @@ def test_many_forbidden_questions_leave_the_others_alone(stub, name, n_good):
         assert answered == set(questions[-n_good:])
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", ["403", "404", "500", "302", "hang"])
 def test_a_poisonous_image_leaves_the_other_images_alone(stub, project, name):
     first = []
     probe, once = model_of(stub, ONE), replace(ONE, retries=0)
@@ -171,6 +170,13 @@ def test_nobody_there_ends_the_run(project):
     last = list(ask(project, model))[-1]
     assert last.n_failed == last.n_calls
     assert "nothing answers at" in last.last_failure
+
+
+def test_forbidden_questions_that_stand_together_do_not_hide_the_others(stub):
+    questions = [f"q{n:02}" for n in range(40)]
+    stub.script = poisoned(error(403), lambda call: call.question < "q20")
+    found = outcomes(model_of(stub), questions)
+    assert sum(isinstance(one, Answer) for one in found.values()) == 20
 
 
 def test_a_server_that_fails_half_of_the_time_is_not_given_up(stub):
