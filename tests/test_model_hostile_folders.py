@@ -18,7 +18,7 @@ from vqa_state.models.blip import BlipModel
 from vqa_state.models.chat import ChatModel
 from vqa_state.models.families import missing_weights
 from vqa_state.models.folder_files import loaded_files
-from vqa_state.models.folder_rules import NATIVE_CODE, check_folder, without_network
+from vqa_state.models.folder_rules import NATIVE_CODE, check_folder, settle, without_network
 from vqa_state.models.ofa.model import OfaModel
 from vqa_state.models.runtime import folder_digest
 from vqa_state.models.vilt import ViltModel
@@ -194,6 +194,18 @@ def test_code_of_the_folder_is_neither_run_nor_asked_for(data_home, monkeypatch,
     edit(folder, part="text_config", auto_map=reference)
     edit(folder, "tokenizer_config.json", auto_map={"AutoTokenizer": ["x.Y", "x.Y"]})
     opened(folder)
+
+
+def test_no_part_of_a_network_names_code_any_more(folder):
+    """A part of a kind that the library has no network for would make it ask the user."""
+    from transformers import AutoConfig
+
+    edit(folder, auto_map={"AutoModel": "x.Y"})
+    edit(folder, part="text_config", auto_map={"AutoModel": "x.Y"})
+    config = AutoConfig.from_pretrained(folder, local_files_only=True, trust_remote_code=False)
+    settle(config)
+    parts = [config, *(getattr(config, name) for name in config.sub_configs)]
+    assert not any(hasattr(part, "auto_map") for part in parts)
 
 
 # Other files and models ---------------------------------------------------------------------

@@ -94,7 +94,8 @@ def test_weights_that_overflow_give_no_answers(folder, tmp_path, answers, value)
         assert "overflow in float32" in outcome.reason
 
 
-def test_one_question_that_overflows_leaves_its_neighbours_alone(model, monkeypatch):
+@pytest.mark.parametrize("value", [torch.inf, -torch.inf, torch.nan])
+def test_one_question_that_overflows_leaves_its_neighbours_alone(model, monkeypatch, value):
     questions = ["is the door open?", "is the door on?"]  # of one length: they go together
     whole = [reply.outcome for reply in model.answer(IMAGES[:1], questions)]
     assert all(isinstance(outcome, Answer) for outcome in whole)
@@ -103,7 +104,7 @@ def test_one_question_that_overflows_leaves_its_neighbours_alone(model, monkeypa
     def start(*args):
         said, logits = begin(*args)
         assert len(logits) == 2
-        logits[0, 5] = torch.inf
+        logits[0, 5] = value
         return said, logits
 
     monkeypatch.setattr(decoding, "start", start)

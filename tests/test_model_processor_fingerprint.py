@@ -5,7 +5,7 @@ import importlib.metadata
 import pytest
 from model_zoo import CPU
 from tiny_models import tiny_folder
-from transformers import AutoImageProcessor
+from transformers import AutoImageProcessor, AutoProcessor
 
 from vqa_state.models import image_processors
 from vqa_state.models.blip import BlipModel
@@ -60,6 +60,19 @@ def test_a_whole_processor_gets_the_image_processor_with_pillow():
     use_pillow(processor, folder)
     assert type(processor.image_processor) is type(ours)
     assert processor.image_processor.to_dict() == ours.to_dict()
+
+
+def test_a_chat_model_is_loaded_with_the_one_with_pillow(monkeypatch):
+    """As on a machine with torchvision, where transformers takes the other by itself."""
+    folder, whole = tiny_folder("idefics3"), AutoProcessor.from_pretrained
+
+    def by_torchvision(*args, **more):
+        processor = whole(*args, **more)
+        processor.image_processor = ByTorchvision()
+        return processor
+
+    monkeypatch.setattr(AutoProcessor, "from_pretrained", by_torchvision)
+    assert load_chat(folder, "x", CPU)[1].image_processor.backend == "pil"
 
 
 def test_the_class_and_the_version_of_torchvision_are_told(only_torchvision):
