@@ -10,6 +10,7 @@ from hypothesis.extra import numpy as hnp
 from sklearn.linear_model import LogisticRegression
 from vote_tables import COUNTED, skewed, table_of, tables
 
+from vqa_state.voting import logistic
 from vqa_state.voting.choosing import NEAR, recommend, simplest_of_the_best
 from vqa_state.voting.fitting import fit_vote, fit_votes
 from vqa_state.voting.folds import stratified_folds
@@ -151,6 +152,34 @@ class TestLogistic:
         ).fit(x, labels)
         np.testing.assert_allclose(mine.coefficients, theirs.coef_[0], atol=1e-6)
         np.testing.assert_allclose(mine.intercept, theirs.intercept_[0], atol=1e-4)
+
+    @pytest.mark.parametrize("shape", [(20, 64), (30, 5), (60, 60)])
+    @pytest.mark.parametrize("spread", [0.01, 1, 30])
+    def test_steps_of_large_fits_lead_to_the_same_place(self, monkeypatch, shape, spread):
+        """All folds and strengths, once with the matrices of a step and once without."""
+        rng = np.random.default_rng(shape)
+        x = spread * rng.normal(size=shape) * rng.random(shape[1])
+        labels = np.where(x[:, 0] + spread * rng.normal(size=shape[0]) > 0, 1, -1).astype(np.int8)
+        labels[:2] = [1, -1]
+        weights = np.stack([balanced(labels, rng.random(shape[0]) < 0.8) for _ in STRENGTHS])
+        penalties = np.array(STRENGTHS) * (x**2).sum() / shape[0]
+        few = solve(x, labels, weights, penalties)
+        monkeypatch.setattr(logistic, "_FEW_COLUMNS", 0)
+        many = solve(x, labels, weights, penalties)
+        for one, other in zip(few, many, strict=True):
+            np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-8)
+
+    def test_a_fit_of_hundreds_of_images_is_scikit_learns(self):
+        rng = np.random.default_rng(5)
+        x = rng.choice([-1.0, 0.0, 1.0], (260, 250))
+        labels = np.where(x[:, :9].sum(axis=1) + rng.normal(size=260) > 0, 1, -1).astype(np.int8)
+        mine = fit_logistic(x, labels, np.arange(260), STRENGTHS)
+        spread = ((x - x.mean(axis=0)) ** 2).sum() / 260
+        theirs = LogisticRegression(
+            C=1 / (mine.strength * spread), class_weight="balanced", tol=1e-10, max_iter=10_000
+        ).fit(x, labels)
+        np.testing.assert_allclose(mine.coefficients, theirs.coef_[0], atol=1e-6)
+        np.testing.assert_allclose(mine.intercept, theirs.intercept_[0], atol=1e-5)
 
     def test_the_strength_is_the_one_with_the_least_loss_on_left_out_folds(self):
         """The naive way: one scikit-learn fit for each strength and fold."""

@@ -8,10 +8,13 @@ strength means. The intercept is not penalized.
 
 All folds and strengths are solved at once, by Newton's method in the space of the images: an
 out-of-bag estimate needs thousands of such fits on tens of images, which scikit-learn's
-`LogisticRegression`, the oracle of the tests, does one by one, a hundred times slower.
+`LogisticRegression`, the oracle of the tests, does one by one, a hundred times slower. With
+hundreds of images a step's matrices become too large; then conjugate gradients find the step
+(`_iterated_step`), which for rows along their principal axes takes a few rounds.
 
 Source: T. Hastie, R. Tibshirani, J. Friedman, *The Elements of Statistical Learning*, 2nd edition,
-sections 4.4.1 (Newton's method) and 18.3.5 (the rotation to n_images dimensions).
+sections 4.4.1 (Newton's method) and 18.3.5 (the rotation to n_images dimensions); J. Nocedal,
+S. J. Wright, *Numerical Optimization*, 2nd edition, algorithm 5.3 (preconditioned gradients).
 """
 
 from dataclasses import dataclass
@@ -29,6 +32,10 @@ N_FOLDS = 5
 _MAX_STEPS = 100
 _MAX_HALVINGS = 30
 _CLOSE = 1e-9
+
+_FEW_COLUMNS = 200  # up to here a step's matrices are solved as they are
+_MAX_ROUNDS = 500
+_STEP_CLOSE = 1e-8  # of the gradient's length, that a step may leave
 
 Floats = NDArray[np.float64]
 
@@ -175,8 +182,35 @@ def _newton_step(
     surprise = np.exp(-np.logaddexp(0, margins))  # 1 - P(label), (n_problems, n_rows)
     gradient = ridge * theta - (weights * labels * surprise) @ design
     curvature = weights * surprise * (1 - surprise)
+    if design.shape[1] > _FEW_COLUMNS:
+        return _iterated_step(design, curvature, ridge, gradient)
     hessian = (design.T * curvature[:, np.newaxis]) @ design  # (n_problems, n, n)
     diagonal = np.arange(design.shape[1])
     hessian[:, diagonal, diagonal] += ridge + 1e-12
     step: Floats = np.linalg.solve(hessian, gradient[..., np.newaxis])[..., 0]
+    return step
+
+
+def _iterated_step(design: Floats, curvature: Floats, ridge: Floats, gradient: Floats) -> Floats:
+    """Newton's step of every problem by conjugate gradients: no matrix of a problem is made.
+
+    The principal axes make each Hessian nearly diagonal, so its diagonal is divided by first.
+    """
+    diagonal = curvature @ design**2 + ridge + 1e-12
+    step, left = np.zeros_like(gradient), gradient.copy()
+    scaled = left / diagonal
+    way, length = scaled.copy(), (left * scaled).sum(axis=1, keepdims=True)
+    enough = _STEP_CLOSE**2 * length
+    for _ in range(_MAX_ROUNDS):
+        if (length <= enough).all():
+            break
+        bent = ((way @ design.T) * curvature) @ design + ridge * way
+        going = (way * bent).sum(axis=1, keepdims=True)
+        # A problem that is solved stays where it is: 0 / 0 is no step.
+        size = np.divide(length, going, out=np.zeros_like(length), where=length > enough)
+        step += size * way
+        left -= size * bent
+        scaled = left / diagonal
+        before, length = length, (left * scaled).sum(axis=1, keepdims=True)
+        way = scaled + np.divide(length, before, out=np.zeros_like(length), where=before > 0) * way
     return step
