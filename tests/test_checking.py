@@ -96,6 +96,14 @@ def test_readings_that_vary_by_themselves_are_no_sight():
     assert looked_at(blind).sight is Sight.BLIND
 
 
+def test_another_wording_of_the_same_answer_is_no_sight():
+    assert looked_at(lambda i, q: Answer(f"Yes, {mean(i)}.")).sight is Sight.BLIND
+
+
+def test_a_p_yes_that_hardly_moves_is_no_sight():
+    assert looked_at(lambda i, q: Answer("yes", 0.7 + mean(i) / 255 / 110)).sight is Sight.BLIND
+
+
 def test_failures_are_told_and_never_timed():
     number = iter(range(10**6))
 
