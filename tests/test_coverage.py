@@ -141,10 +141,13 @@ def test_a_new_vote_is_covered_as_often_as_was_asked():
 
 
 def test_many_votes_make_few_points_that_meet_a_coverage_closely():
-    rng = np.random.default_rng(3)
-    sureness, labels = rng.random((30, 100)), np.ones(100, np.int8)
+    rng, labels = np.random.default_rng(3), np.ones(100, np.int8)
+    sureness = (rng.permutation(3000) / 3000).reshape(30, 100)
     curve = coverage_curve(sureness, np.ones(sureness.shape, np.int8), labels)
-    assert MAX_POINTS - 5 <= len(curve) <= MAX_POINTS
+    n_votes, n_steps = sureness.size, MAX_POINTS - 1
+    evenly = {-(-step * n_votes // n_steps) for step in range(1, n_steps + 1)}
+    assert {point.n_covered for point in curve} == evenly
+    assert len(curve) <= MAX_POINTS
     for wanted in np.linspace(0.05, 1, 39):
         assert wanted <= choose_point(curve, float(wanted)).coverage <= wanted + 0.006
 
