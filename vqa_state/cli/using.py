@@ -10,6 +10,7 @@ import typer
 from vqa_state import models, report
 from vqa_state.asking import AskProgress
 from vqa_state.assessing import assessment
+from vqa_state.cli.looking import look_first
 from vqa_state.cli.options import Folder, Json, app, found_results, show, tell
 from vqa_state.cli.terminal import (
     interruptible,
@@ -199,6 +200,7 @@ def recheck_command(
     project, recognizer = Project.open(folder), Recognizer.load(file)
     other = models.create(models.choose(model))
     with interruptible() as stop:
+        look_first(other, stop)
         found = _rechecked(recheck(recognizer, project, other, stop))
     if found is None:
         say("stopped by you; what was answered is kept")
