@@ -27,11 +27,11 @@ from PIL.Image import Image
 from benchmarks.model_folders import build_blip, build_idefics3, build_vilt
 from benchmarks.ofa_folder import build_ofa
 from benchmarks.plain_ways import Ask, Asked, plain_blip, plain_chat, plain_vilt
-from vqa_state.checking import PROBES
 from vqa_state.embedded.experiments import questions_about
 from vqa_state.models.address import Device, Precision
 from vqa_state.models.base import Failure
 from vqa_state.models.runtime import Runtime
+from vqa_state.models.sight import PROBES
 
 __all__ = ["Row", "compare", "main", "measure", "table"]
 
