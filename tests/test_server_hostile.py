@@ -5,7 +5,7 @@ import re
 import openai  # noqa: F401 - now, for it takes seconds
 import pytest
 from server_cases import QUICK, answers, error, model_of, only_bad, outcomes
-from stub_server import Stub, completion, good
+from stub_server import Result, Stub, completion, good
 
 from vqa_state.answers import Answer
 from vqa_state.asking import ask, plan
@@ -187,3 +187,40 @@ def test_an_error_names_the_model_as_it_is_called(stub):
     reason = outcomes(model_of(stub, model="hf-internal-testing/tiny"), ["q"])[0, "q"].reason
     assert reason.count("hf-internal-testing/tiny") == 2
     assert "hf_abcdefgh12" not in reason
+
+
+# Bytes that are hardly HTTP
+
+RAW = {
+    "nothing": b"",
+    "zeros": b"\0" * 100,
+    "a length below zero": b"HTTP/1.1 200 OK\r\ncontent-length: -5\r\n\r\n",
+    "no status": b"HTTP/1.1 999 X\r\ncontent-length: 0\r\n\r\n",
+    "no chunk": b"HTTP/1.1 200\r\ntransfer-encoding: chunked\r\n\r\nzz\r\n",
+    "no place": b"HTTP/1.1 302 F\r\nlocation: http://[bad\r\ncontent-length: 0\r\n\r\n",
+    "another protocol": b"HTTP/1.1 101 S\r\n\r\n",
+    "no content": b"HTTP/1.1 204 N\r\n\r\n",
+    "a cookie": b"HTTP/1.1 200 \xff\r\nset-cookie: \xff=\xfe;;;\r\ncontent-length: 2\r\n\r\n{}",
+    "headers": b"HTTP/1.1 503 x\r\ncontent-type: \xff; charset=\xff\r\n\r\n\xff",
+    "many headers": b"HTTP/1.1 200 OK\r\n" + b"a: b\r\n" * 20_000 + b"\r\n",
+}
+
+
+@pytest.mark.parametrize("name", RAW)
+def test_no_bytes_cost_more_than_their_own_answer(stub, name):
+    def script(call, handler):
+        handler.wfile.write(RAW[name])
+        handler.wfile.flush()
+        handler.connection.shutdown(2)
+        handler.close_connection = True
+
+    stub.script = only_bad(script)
+    found = outcomes(model_of(stub), ["good", "bad", "fine", "good again"])
+    failed = {question for (_, question), one in found.items() if isinstance(one, Failure)}
+    assert failed == {"bad"}
+
+
+def test_a_cookie_is_neither_kept_nor_sent(stub):
+    stub.script = lambda call, handler: Result(completion("Yes."), 200, {"set-cookie": "id=me"})
+    outcomes(model_of(stub), ["a", "b", "c"])
+    assert all("cookie" not in call.headers for call in stub.calls)

@@ -9,6 +9,7 @@ import ssl
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from functools import lru_cache
+from http.cookiejar import CookieJar, DefaultCookiePolicy
 from typing import TYPE_CHECKING, cast
 
 from vqa_state.models.api_keys import ApiKey
@@ -44,6 +45,8 @@ async def open_client(
     transport = httpx2.AsyncClient(
         timeout=httpx2.Timeout(seconds, connect=min(seconds, 10.0)),
         follow_redirects=False,
+        # None is kept: it is of no use here, and a damaged one would break every call after it.
+        cookies=CookieJar(DefaultCookiePolicy(allowed_domains=[])),
         # A proxy of the environment is for other machines; this one needs none.
         trust_env=not url.is_loopback,
         verify=_trust(url.scheme),
