@@ -23,7 +23,7 @@ import numpy as np
 from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
 from vqa_state.search.classes import Integers, QuestionClasses, question_classes
 from vqa_state.search.fitness import Fitness
-from vqa_state.search.waiting import Work
+from vqa_state.search.waiting import Work, most_seconds
 
 if TYPE_CHECKING:
     from ortools.sat.python import cp_model
@@ -81,7 +81,8 @@ def best_value(
         subset: where to start; not empty.
         n_recognized: images that some subset is known to recognize, and the most that any can.
         weights: weights of the objective's terms.
-        deterministic_time: the solver's limit, in its own units: about a second each.
+        deterministic_time: the solver's limit, in its own units: about a second each. Tables of
+            more than 64 questions and 20 images also have a limit of a minute.
         stop: asked several times a second.
 
     Yields:
@@ -104,7 +105,8 @@ def best_value(
         model.start_from(best)
         return model
 
-    solver = _Solver(build, deterministic_time)
+    seconds = most_seconds(counts.n_images, counts.n_questions)
+    solver = _Solver(build, deterministic_time, seconds)
     work = Work(solver.run, stop, solver.interrupt)
     for news in work:
         better = _take_in(report, news, fitness)
@@ -309,10 +311,14 @@ class _Solver:
     Args:
         build: makes the model; gets what to ask for a stop.
         deterministic_time: the limit.
+        seconds: another one, that of large tables; else infinite.
     """
 
     def __init__(
-        self, build: Callable[[Callable[[], bool]], _Model], deterministic_time: float
+        self,
+        build: Callable[[Callable[[], bool]], _Model],
+        deterministic_time: float,
+        seconds: float,
     ) -> None:
         from ortools.sat.python import cp_model
 
@@ -322,6 +328,7 @@ class _Solver:
         parameters.num_workers = 1
         parameters.random_seed = 0
         parameters.max_deterministic_time = deterministic_time
+        parameters.max_time_in_seconds = seconds
         parameters.linearization_level = 2
 
     def run(self, put: Callable[[_News], None]) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 
 from vqa_state.scores import Counts, Objective
 from vqa_state.search.classes import QuestionClasses, question_classes
-from vqa_state.search.waiting import Work
+from vqa_state.search.waiting import Work, most_seconds
 
 if TYPE_CHECKING:
     from scipy.optimize import LinearConstraint, OptimizeResult
@@ -31,12 +31,6 @@ __all__ = ["NODE_LIMITS", "ImagesReport", "most_images"]
 
 #: Nodes of one solver run after another; each starts anew, so the bound is seen falling.
 NODE_LIMITS = (1, 200, 2000)
-
-#: Numbers in the program up to which nodes alone limit it: those of 64 questions and 20 images.
-_FEW_CELLS = 64 * 20
-
-#: Beyond, all runs together end after so long.
-_SECONDS = 60.0
 
 #: A bound of 18.9999999 from the solver's floats means 19, and one of 18.5 means 18.
 _ROUNDING = 1e-4
@@ -94,8 +88,7 @@ def most_images(
     best, bound = tuple(sorted(subset)), _recognizable(classes)
     report = ImagesReport(_n_recognized(classes, best), bound, best)
     yield report
-    few = counts.n_images * counts.n_questions <= _FEW_CELLS
-    end = np.inf if few else time.monotonic() + _SECONDS
+    end = time.monotonic() + most_seconds(counts.n_images, counts.n_questions)
     for limit in node_limits:
         while not report.proved and (seconds := end - time.monotonic()) > 0:
             before = report

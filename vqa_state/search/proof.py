@@ -2,7 +2,8 @@
 
 Up to 24 questions every subset is compared. With more, a MILP proves how many images any subset
 recognizes, then CP-SAT bounds the fitness E. The search's answer is the start and is only ever
-replaced by a better one. Limits are in nodes and in deterministic time, so a proof repeats.
+replaced by a better one. Limits are in nodes and in deterministic time, so a proof repeats; beyond
+64 questions and 20 images also in minutes, and then a bound may differ from run to run.
 """
 
 import threading
@@ -56,7 +57,10 @@ class Badge(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ProofLimits:
-    """Where the solvers give up; never in seconds, so that a result repeats.
+    """Where the solvers give up; not in seconds, so that a result repeats.
+
+    Only tables of more than 64 questions and 20 images have a limit of a minute for each solver
+    besides, because a single node of theirs may take so long.
 
     Attributes:
         nodes: nodes of the MILP solver's runs, one after another.
@@ -159,7 +163,8 @@ def prove(
         stop: asked several times a second; the proof ends with what it knows.
 
     Yields:
-        At least one report; the last is finished. The same arguments give the same last report.
+        At least one report; the last is finished. The same arguments give the same last report,
+        if no solver came to its limit in seconds.
 
     Raises:
         NothingToSearchError: if there are no questions, no images or no images of one state.

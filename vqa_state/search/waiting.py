@@ -1,16 +1,27 @@
 """Runs a solver in a thread, so that what it finds is seen while it works, and a stop is heard."""
 
+import math
 import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
-__all__ = ["Asker", "Work"]
+__all__ = ["Asker", "Work", "most_seconds"]
 
 _POLL_SECONDS = 0.1
 
+# Answers up to which nodes and deterministic time alone limit a solver, so that it repeats: those
+# of 64 questions and 20 images. Beyond, a single node or a simplification may take minutes.
+_FEW_CELLS = 64 * 20
+_MOST_SECONDS = 60.0
+
 News = TypeVar("News")
+
+
+def most_seconds(n_images: int, n_questions: int) -> float:
+    """How long a solver may work on a table besides its own limits; infinite for a small one."""
+    return math.inf if n_images * n_questions <= _FEW_CELLS else _MOST_SECONDS
 
 
 class Asker:
