@@ -29,7 +29,6 @@ from vqa_state.suggesting import hints
 from vqa_state.tuning import optimize, paper_recognizer, results
 from vqa_state.voting.kinds import VoteKind
 
-
 # Perceptual hashes: the one between differs from both others by 6 bits, they from each other by 12.
 HERE, BETWEEN, THERE = "0" * 16, "0" * 14 + "3f", "0" * 13 + "fff"
 

@@ -14,6 +14,7 @@ from vqa_state.frontier import thinned
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.standings import standings, standings_frame
+from vqa_state.standings_words import TABLE_NOTE
 from vqa_state.suggesting import Hints, hints
 from vqa_state.tuning import Results, recognizer_path, refresh
 
@@ -124,6 +125,7 @@ def _print_assessed(project: Project, found: Results) -> None:
     assessed = assessment(project, found)
     table = standings(project.chosen, found, assessed, read_pace(project))
     print_table(standings_frame(table), f"{project.name}: all recognizers")
+    print(TABLE_NOTE)
     for sentence in (table.recommendation, *table.warnings, *table.sentences, *table.badges):
         if sentence:
             print(sentence)

@@ -11,6 +11,9 @@ __all__ = ["coverage_value", "frontier_value"]
 
 Value = dict[str, Any]
 
+MAX_POINTS = 30
+"""Of a curve; more could not be hit by a finger."""
+
 
 def frontier_value(
     points: Sequence[FrontierPoint], marks: Sequence[MarkedPoint], texts: Sequence[str]
@@ -47,11 +50,13 @@ def _frontier_point(point: FrontierPoint, says: str, texts: Sequence[str]) -> Va
 
 def coverage_value(curve: Sequence[CoveragePoint]) -> Value:
     """Accuracy of the verdicts against the share of images that get one, in percent."""
-    points = [_coverage_point(point) for point in curve if point.n_covered]
+    covered = [point for point in curve if point.n_covered]
+    step = max(1, len(covered) // MAX_POINTS)
+    points = [_coverage_point(point) for point in (*covered[:-1:step], *covered[-1:])]
     if not points:
         return {"empty": "Assess first; it needs training images that were out of bag."}
     return {
-        "x": "images with a verdict, %",
+        "x": "votes with a verdict, %",
         "y": "right verdicts, %",
         "x_range": [0, 100],
         "y_range": [0, 100],
@@ -66,8 +71,6 @@ def _coverage_point(point: CoveragePoint) -> Value:
         "y": point.accuracy * 100,
         "low": low,
         "high": high,
-        "says": f"{point.n_covered} of {point.n_images} images get a verdict, {point.n_correct} of "
-        f"them the right one ({point.accuracy:.0%}, 95 % interval {low:.0f} to {high:.0f} %); "
-        f"unknown below a sureness of {point.min_sureness:.2f}",
+        "says": f"{point.sentence()}; unknown below a sureness of {point.min_sureness:.2f}",
         "lines": [],
     }

@@ -15,6 +15,7 @@ from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.standings import Standings, standings, standings_frame
+from vqa_state.standings_words import TABLE_NOTE
 from vqa_state.suggesting import hints
 from vqa_state.tuning import Results
 from vqa_state.web import trades, watching, widgets
@@ -74,6 +75,7 @@ def build() -> Parts:
     table = gr.Dataframe(
         interactive=False, elem_id="standings", show_label=False, visible=False, max_height=760
     )
+    gr.Markdown(TABLE_NOTE)
     with gr.Row():
         with gr.Column(min_width=300):
             gr.Markdown("#### What each further question buys")

@@ -195,6 +195,8 @@ def _about(recognizer: Recognizer) -> Any:
             f"It says “unknown” below a sureness of {recognizer.abstain.min_sureness:.2f}, so that "
             f"about {recognizer.abstain.coverage:.0%} of new images get a verdict."
         )
+        careful = recognizer.abstain.out_of_bag
+        lines += [] if careful is None else [careful.sentence()]
     if not recognizer.origin.finished:
         lines.append("Its search was stopped before the end.")
     texts = [question.text for question in recognizer.questions]
