@@ -35,7 +35,8 @@ class Verdict:
         state: positive, negative or unknown.
         state_name: the user's word for it, or "unknown".
         reason: why, in one sentence.
-        confidence: the winner's share of the valid votes in [0.5, 1]; NaN without valid votes.
+        confidence: the winner's share of the vote in [0, 1], below one half where a low threshold
+            lets few answers win; NaN without valid votes.
         n_positive: answers for the positive state.
         n_negative: answers for the negative state.
         n_invalid: answers for neither.
