@@ -43,7 +43,8 @@ class Watch:
         seen, timer = gr.Textbox(visible=False), gr.Timer(LOOK_AGAIN_SECONDS)
         watched = [*shown, seen]
         page.on(stop.click, self.stop, (), [], queue=False)
-        page.on(timer.tick, self.glance, [seen], watched)
+        # Past the queue: its streams open and close with every call, and may miss a quick one.
+        page.on(timer.tick, self.glance, [seen], watched, queue=False)
         return lambda trigger: page.follow(trigger, self.follow, watched)
 
     def follow(self, desk: Desk, pid: str) -> Iterator[tuple[Any, ...]]:
