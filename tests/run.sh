@@ -28,4 +28,4 @@ fi
 .venv/bin/mypy
 # A file a process, each on one thread: more would only wait for each other.
 export OMP_NUM_THREADS=1
-.venv/bin/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile "$@"
+.venv/bin/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder "$@"
