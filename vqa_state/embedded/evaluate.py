@@ -156,6 +156,7 @@ def _one_a_scene(examples: Sequence[Example]) -> list[Example]:
 
 
 def _file_facts(path: Path, predictor: Predictor, threads: int) -> dict[str, Any]:
+    _time(predictor)  # the first run takes memory, which the next ones have
     return {
         "digest": weights_digest(path),
         "megabytes": round(path.stat().st_size / 1e6, 2),
