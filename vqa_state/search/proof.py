@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
 from vqa_state.search.climbing import Climber
-from vqa_state.search.cpsat import best_value
+from vqa_state.search.cpsat import CLOSED, best_value
 from vqa_state.search.exact import can_enumerate, enumerate_subsets
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import better, require_searchable
@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 #: A subset is the best if no other is better by more: the solvers round E, upwards.
-PROOF_TOLERANCE = 1e-5
+PROOF_TOLERANCE = CLOSED
 
 
 class Stage(StrEnum):
