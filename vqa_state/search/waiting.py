@@ -4,7 +4,7 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from typing import Generic, TypeVar
 
 __all__ = ["Asker", "Work", "most_seconds"]
@@ -69,7 +69,7 @@ class Work(Generic[News]):
         self._error: BaseException | None = None
         self.stopped = False
 
-    def __iter__(self) -> Iterator[News]:
+    def __iter__(self) -> Generator[News, None, None]:
         thread = threading.Thread(target=self._run, name="solver", daemon=True)
         thread.start()
         try:
