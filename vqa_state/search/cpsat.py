@@ -41,8 +41,8 @@ SCALE = 1_000_000
 # to simplify, before the solver's own limit counts, and then its bound hardly falls.
 _MOST_CELLS = 2_500_000
 
-# CP-SAT may turn in circles without counting its own time (seen on tiny tables, after it had closed
-# the gap, where we now end it): the clock ends it then. No other small table came near this.
+# CP-SAT can turn in circles that count little of its own time: then the clock ends it. Seen on tiny
+# tables before it was told not to search around its start (below).
 _BACKSTOP = 120.0
 
 
@@ -341,6 +341,8 @@ class _Solver:
         parameters.max_deterministic_time = deterministic_time
         parameters.max_time_in_seconds = seconds
         parameters.linearization_level = 2
+        # Its search around the start can find the start again and again, without end.
+        parameters.hint_conflict_limit = 0
 
     def run(self, put: Callable[[_News], None]) -> None:
         from ortools.sat.python import cp_model
