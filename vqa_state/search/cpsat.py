@@ -341,8 +341,10 @@ class _Solver:
         parameters.max_deterministic_time = deterministic_time
         parameters.max_time_in_seconds = seconds
         parameters.linearization_level = 2
-        # Its search around the start can find the start again and again, without end.
+        # Its search around the start, and one that follows the relaxation up, can go round without
+        # end among rates that differ by a millionth; closing in on the bound from above cannot.
         parameters.hint_conflict_limit = 0
+        parameters.use_objective_lb_search = True
 
     def run(self, put: Callable[[_News], None]) -> None:
         from ortools.sat.python import cp_model
