@@ -3,8 +3,9 @@
 import pytest
 from hypothesis import settings
 from pictures import picture
+from stub_server import Stub
 
-from vqa_state import models
+from vqa_state import cli, models
 from vqa_state.answers import Answer
 from vqa_state.augment import Augmentation
 from vqa_state.models.fake import ScriptedModel
@@ -27,6 +28,34 @@ def _nobodys_home(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("VQA_STATE_HOME", str(tmp_path_factory.mktemp("nobody's home")))
         yield
+
+
+@pytest.fixture(autouse=True)
+def bare_environment(monkeypatch):
+    """No test sends a key that its machine has."""
+    for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def stub():
+    """A server on this machine that does as its test says."""
+    with Stub() as server:
+        yield server
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run a command; give back exit code, stdout and stderr."""
+
+    def call(*arguments):
+        monkeypatch.setattr("sys.argv", ["vqa_state", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        shown = capsys.readouterr()
+        return ended.value.code or 0, shown.out, shown.err
+
+    return call
 
 
 @pytest.fixture

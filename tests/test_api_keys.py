@@ -19,12 +19,6 @@ KEY = "Zq7-topsecret_41.x"
 QUICK = CallBudget(retries=1, first_wait_seconds=0.01, deadline_seconds=3)
 
 
-@pytest.fixture(autouse=True)
-def bare_environment(monkeypatch):
-    for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
-        monkeypatch.delenv(name, raising=False)
-
-
 @pytest.fixture
 def stub(monkeypatch):
     with Stub() as server:

@@ -43,20 +43,6 @@ def photos(tmp_path):
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
-    """Run a command; give back exit code, stdout and stderr."""
-
-    def call(*arguments):
-        monkeypatch.setattr("sys.argv", ["vqa_state", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        shown = capsys.readouterr()
-        return ended.value.code or 0, shown.out, shown.err
-
-    return call
-
-
-@pytest.fixture
 def folder(run, tmp_path, photos, scripted_model):
     folder = tmp_path / "project"
     assert run("new", folder, "--name", "door")[0] == 0

@@ -8,7 +8,7 @@ import torch
 from pictures import picture
 from stub_server import Result, Stub, completion
 
-from vqa_state import cli, models
+from vqa_state import models
 from vqa_state.answers import Answer
 from vqa_state.models import presets
 from vqa_state.models.fake import ScriptedModel
@@ -22,20 +22,6 @@ BLIND = "may drop the image"
 @pytest.fixture(autouse=True)
 def _own_home(data_home):
     """Nothing is known of any model, and none is approved."""
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Run a command; give back exit code, stdout and stderr."""
-
-    def call(*arguments):
-        monkeypatch.setattr("sys.argv", ["vqa_state", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        shown = capsys.readouterr()
-        return ended.value.code or 0, shown.out, shown.err
-
-    return call
 
 
 @pytest.fixture

@@ -17,25 +17,12 @@ from server_cases import (
     model_of,
     outcomes,
 )
-from stub_server import Result, Stub, completion, free_port, good
+from stub_server import Result, completion, free_port, good
 
 from vqa_state.answers import Answer
 from vqa_state.asking import ask, plan
 from vqa_state.errors import ModelError
 from vqa_state.models.server import DEFAULT_PROMPT, CallBudget, ServerModel, list_models
-
-
-@pytest.fixture(autouse=True)
-def bare_environment(monkeypatch):
-    for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
-        monkeypatch.delenv(name, raising=False)
-
-
-@pytest.fixture
-def stub():
-    with Stub() as server:
-        yield server
-
 
 # What is sent and what comes back
 

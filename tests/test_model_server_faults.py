@@ -15,18 +15,6 @@ from vqa_state.models.base import Failure
 from vqa_state.models.server import CallBudget
 
 
-@pytest.fixture(autouse=True)
-def bare_environment(monkeypatch):
-    for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
-        monkeypatch.delenv(name, raising=False)
-
-
-@pytest.fixture
-def stub():
-    with Stub() as server:
-        yield server
-
-
 def drip(call, handler):
     handler.head(200, 10_000)
     for _ in range(100):

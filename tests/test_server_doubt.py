@@ -7,7 +7,7 @@ import openai  # noqa: F401 - now, for it takes seconds, and tests below look at
 import pytest
 from pictures import draw
 from server_cases import QUICK, answers, error, hang, model_of, outcomes
-from stub_server import Result, Stub, free_port, good
+from stub_server import Result, free_port, good
 
 from vqa_state.answers import Answer
 from vqa_state.asking import ask, plan
@@ -15,18 +15,6 @@ from vqa_state.models.base import Failure
 from vqa_state.models.server import CallBudget, ServerModel
 
 ONE = CallBudget(retries=1, first_wait_seconds=0.01, deadline_seconds=0.3, max_parallel=1)
-
-
-@pytest.fixture(autouse=True)
-def bare_environment(monkeypatch):
-    for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
-        monkeypatch.delenv(name, raising=False)
-
-
-@pytest.fixture
-def stub():
-    with Stub() as server:
-        yield server
 
 
 def picture_of(call):

@@ -5,7 +5,7 @@ import re
 import openai  # noqa: F401 - now, for it takes seconds
 import pytest
 from server_cases import QUICK, answers, error, model_of, only_bad, outcomes
-from stub_server import Result, Stub, completion, good
+from stub_server import Result, completion, good
 
 from vqa_state.answers import Answer
 from vqa_state.asking import ask, plan
@@ -13,19 +13,6 @@ from vqa_state.errors import ModelError
 from vqa_state.models import server_calls
 from vqa_state.models.base import Failure
 from vqa_state.models.server import list_models
-
-
-@pytest.fixture(autouse=True)
-def bare_environment(monkeypatch):
-    for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
-        monkeypatch.delenv(name, raising=False)
-
-
-@pytest.fixture
-def stub():
-    with Stub() as server:
-        yield server
-
 
 # A character set that is none, or no text
 

@@ -6,23 +6,11 @@ import openai  # noqa: F401 - now, for it takes seconds, and tests below look at
 import pytest
 from pictures import draw
 from server_cases import answers, model_of, outcomes
-from stub_server import Result, Stub, good
+from stub_server import Result, good
 
 from vqa_state.answers import Answer
 from vqa_state.asking import ask, plan
 from vqa_state.models.server import CallBudget
-
-
-@pytest.fixture(autouse=True)
-def bare_environment(monkeypatch):
-    for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
-        monkeypatch.delenv(name, raising=False)
-
-
-@pytest.fixture
-def stub():
-    with Stub() as server:
-        yield server
 
 
 class Closing:
