@@ -46,6 +46,7 @@ ORDER = [
     "recognizer_votes",
     "recognizer",
     "rechecking",
+    "searches",
     "tuning",
     "frontier_marks",
     "assessing",

@@ -28,8 +28,9 @@ from vqa_state.project import Project
 from vqa_state.rival_trial import RivalRecord, RivalStage, RivalStep, try_rival
 from vqa_state.scores import Counts, Objective, count
 from vqa_state.search.genetic import SearchSettings, search
+from vqa_state.searches import Results, table_digest
 from vqa_state.splits import look_alikes
-from vqa_state.tuning import Results, results, table_digest
+from vqa_state.tuning import results
 from vqa_state.voting.choosing import Recommendation
 from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.fitting import fit_votes

@@ -19,7 +19,8 @@ from vqa_state.recognizer import (
     WeightedQuestion,
 )
 from vqa_state.recognizer_file import CarefulRecord
-from vqa_state.tuning import Results, paper_recognizer
+from vqa_state.searches import Results
+from vqa_state.tuning import paper_recognizer
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
 __all__ = ["recognizer_with"]

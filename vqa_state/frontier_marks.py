@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from vqa_state.evaluation import Candidate
 from vqa_state.frontier import FrontierPoint, point_of
 from vqa_state.scores import count
-from vqa_state.tuning import Results
+from vqa_state.searches import Results
 
 __all__ = ["MarkedPoint", "cheaper_sentence", "marked_points"]
 

@@ -13,9 +13,9 @@ from vqa_state.evaluation import Evaluation, Interval, Row
 from vqa_state.project import Project
 from vqa_state.scores import Counts, count, question_stats
 from vqa_state.search.fitness import Fitness
+from vqa_state.searches import Results, SavedSearch
 from vqa_state.splits import Split
 from vqa_state.store import AnswerStore, copy_keys
-from vqa_state.tuning import Results, SavedSearch
 
 __all__ = [
     "ImageAnswer",

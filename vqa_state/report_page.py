@@ -10,10 +10,10 @@ from vqa_state import report, report_pictures, report_plots
 from vqa_state.assessing import Assessment
 from vqa_state.frontier_marks import cheaper_sentence, marked_points
 from vqa_state.project import Project
+from vqa_state.searches import Results
 from vqa_state.standings import Standings, standings_frame
 from vqa_state.standings_words import TABLE_NOTE
 from vqa_state.suggesting import hints
-from vqa_state.tuning import Results
 
 __all__ = ["report_page"]
 

@@ -7,8 +7,8 @@ from html import escape
 from vqa_state.errors import ImageError, ProjectError
 from vqa_state.evaluation import Candidate, MissedImage
 from vqa_state.project import Project
+from vqa_state.searches import Results
 from vqa_state.suggesting import Hints
-from vqa_state.tuning import Results
 
 __all__ = ["STYLE", "doubtful_labels", "missed", "next_labels"]
 

@@ -20,6 +20,7 @@ from vqa_state.early_stop import Schedule, calls_needed
 from vqa_state.evaluation import Candidate, exact_interval
 from vqa_state.pace import milliseconds
 from vqa_state.scores import Objective
+from vqa_state.searches import Results
 from vqa_state.standing_rows import CAREFUL, RIVAL, SideScore, Standing, Standings
 from vqa_state.standings_words import (
     badge_sentences,
@@ -28,7 +29,6 @@ from vqa_state.standings_words import (
     standings_frame,
     warning_sentences,
 )
-from vqa_state.tuning import Results
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
 __all__ = ["RIVAL", "SideScore", "Standing", "Standings", "standings", "standings_frame"]

@@ -14,8 +14,8 @@ from vqa_state.comparing import Comparison
 from vqa_state.evaluation import Interval
 from vqa_state.scores import Objective
 from vqa_state.search.proof import Badge
+from vqa_state.searches import Results, SavedSearch
 from vqa_state.standing_rows import CAREFUL, RIVAL, Standing, Standings
-from vqa_state.tuning import Results, SavedSearch
 from vqa_state.voting.choosing import NEAR
 from vqa_state.voting.estimates import Estimate, optimism_warning
 

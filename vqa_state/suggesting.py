@@ -23,8 +23,8 @@ from vqa_state.labelling import (
 from vqa_state.models.base import VQAModel
 from vqa_state.project import Project
 from vqa_state.questions import Question, QuestionGrid
+from vqa_state.searches import Results
 from vqa_state.splits import Split
-from vqa_state.tuning import Results
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
 __all__ = ["Hints", "accept", "ask_unlabelled", "hints"]

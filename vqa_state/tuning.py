@@ -4,18 +4,14 @@ The app and the command line walk this one road, so the same project, seed and m
 recognizer in both, byte for byte.
 """
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vqa_state.answers import AnswerTable
 from vqa_state.asking import answer_table
 from vqa_state.errors import NothingToSearchError
-from vqa_state.evaluation import Candidate, Evaluation, Interval, Row, evaluate
+from vqa_state.evaluation import Candidate, Interval, Row, evaluate
 from vqa_state.files import write_atomically
 from vqa_state.project import Project
 from vqa_state.recognizer import (
@@ -29,23 +25,27 @@ from vqa_state.recognizer import (
     States,
     WeightedQuestion,
 )
-from vqa_state.scores import Counts, Objective, ObjectiveWeights, count
+from vqa_state.scores import Counts, Objective, count
 from vqa_state.search.default import Engine, search_with
-from vqa_state.search.genetic import SearchReport, SearchSettings
+from vqa_state.search.genetic import SearchReport
 from vqa_state.search.proof import ProofReport, prove_all
+from vqa_state.searches import (
+    PaperRun,
+    Results,
+    SavedSearch,
+    read_search,
+    search_path,
+    table_digest,
+)
 from vqa_state.splits import Split
 
 __all__ = [
     "OptimizeProgress",
-    "PaperRun",
-    "Results",
-    "SavedSearch",
     "optimize",
     "paper_recognizer",
     "recognizer_path",
     "refresh",
     "results",
-    "table_digest",
 ]
 
 
@@ -85,56 +85,6 @@ class OptimizeProgress:
     def stopped(self) -> bool:
         """Whether searches or proofs were ended by the user, as far as is known by now."""
         return not self.searched or any(proof.stopped for proof in self.proofs.values())
-
-
-class PaperRun(BaseModel):
-    """What the paper's one genetic search finds on the same answers, to show both."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    subset: tuple[Annotated[int, Field(ge=0)], ...]
-    value: float
-    n_recognized: int
-
-
-class SavedSearch(BaseModel):
-    """Content of searches/OBJECTIVE.json. Files of version 1 know the paper's engine only."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    schema_version: Literal[1, 2] = 2
-    objective: Objective
-    table: str
-    """Digest of the answers and labels that were searched; other ones make this result stale."""
-    engine: Engine = Engine.PAPER
-    weights: ObjectiveWeights
-    settings: SearchSettings
-    seed: int
-    subset: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
-    """Of the proof, if it found a better one than the search."""
-    curve: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)]
-    """Best and mean fitness of each generation of the search."""
-    finished: bool
-    proof: ProofRecord | None = None
-    paper: PaperRun | None = None
-    """None if the engine is the paper's own, or a stop came before its last generation."""
-
-
-@dataclass(frozen=True, eq=False)
-class Results:
-    """The searches of a project, and how good what they found is.
-
-    Attributes:
-        searches: the last search for each objective.
-        evaluation: all candidates on train and test.
-        train: answers about the complete training images.
-        test: answers about the complete test images; None if there are none.
-    """
-
-    searches: Mapping[Objective, SavedSearch]
-    evaluation: Evaluation
-    train: AnswerTable
-    test: AnswerTable | None
 
 
 def optimize(
@@ -211,7 +161,7 @@ def results(project: Project) -> Results | None:
         NothingToSearchError: if no training image has all its answers.
         ProjectError: if there is no question.
     """
-    saved = {objective: _read(project, objective) for objective in Objective}
+    saved = {objective: read_search(project, objective) for objective in Objective}
     searches = {objective: one for objective, one in saved.items() if one is not None}
     if len(searches) < len(Objective):
         return None
@@ -282,7 +232,7 @@ def _keep(
             proof=None if proof is None else _proof_record(proof),
             paper=None if paper is None else _paper_run(paper),
         )
-        write_atomically(_search_path(project, objective), saved.model_dump_json().encode())
+        write_atomically(search_path(project, objective), saved.model_dump_json().encode())
     refresh(project)
 
 
@@ -379,23 +329,3 @@ def _tables(project: Project) -> tuple[AnswerTable, AnswerTable | None]:
 
 def _complete(table: AnswerTable) -> AnswerTable:
     return table.take(table.complete)
-
-
-def table_digest(table: AnswerTable) -> str:
-    """Of all that a search sees, and of nothing of the test images."""
-    digest = hashlib.sha256(repr((table.image_ids, table.questions)).encode())
-    digest.update(table.verdicts.tobytes())
-    digest.update(table.labels.tobytes())
-    return digest.hexdigest()
-
-
-def _search_path(project: Project, objective: Objective) -> Path:
-    return project.folder / "searches" / f"{objective.name.lower()}.json"
-
-
-def _read(project: Project, objective: Objective) -> SavedSearch | None:
-    """A search that cannot be read counts as none: it takes seconds to repeat."""
-    try:
-        return SavedSearch.model_validate_json(_search_path(project, objective).read_bytes())
-    except (OSError, ValidationError):
-        return None

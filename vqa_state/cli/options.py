@@ -13,10 +13,11 @@ from vqa_state.errors import NothingToSearchError
 from vqa_state.frontier import thinned
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
+from vqa_state.searches import Results
 from vqa_state.standings import standings, standings_frame
 from vqa_state.standings_words import TABLE_NOTE
 from vqa_state.suggesting import Hints, hints
-from vqa_state.tuning import Results, recognizer_path, refresh
+from vqa_state.tuning import recognizer_path, refresh
 
 __all__ = ["Folder", "Json", "Seed", "app", "found_results", "show", "tell"]
 

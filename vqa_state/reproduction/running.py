@@ -10,7 +10,8 @@ from vqa_state.errors import ProjectError
 from vqa_state.models.base import VQAModel
 from vqa_state.project import Project
 from vqa_state.search.default import Engine
-from vqa_state.tuning import OptimizeProgress, Results, optimize, results
+from vqa_state.searches import Results
+from vqa_state.tuning import OptimizeProgress, optimize, results
 
 __all__ = ["Finished", "Step", "copy_projects", "run"]
 

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 from vqa_state.evaluation import CONFIDENCE, Candidate, Row, paired_test
 from vqa_state.reproduction.paper import BEST_QUESTION_OF_VARIOUS_DOORS, SUBSETS, paper_tables
 from vqa_state.scores import SubsetScore
-from vqa_state.tuning import Results
+from vqa_state.searches import Results
 
 __all__ = ["Remark", "experiment_frame", "identity_holds", "remarks", "total_frame"]
 

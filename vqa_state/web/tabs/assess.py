@@ -14,10 +14,10 @@ from vqa_state.frontier_marks import marked_points
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
+from vqa_state.searches import Results
 from vqa_state.standings import Standings, standings, standings_frame
 from vqa_state.standings_words import TABLE_NOTE
 from vqa_state.suggesting import hints
-from vqa_state.tuning import Results
 from vqa_state.web import trades, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page

@@ -14,7 +14,8 @@ from vqa_state.search.default import Engine
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
 from vqa_state.search.proof import badge_sentence
-from vqa_state.tuning import OptimizeProgress, Results, optimize, results
+from vqa_state.searches import Results
+from vqa_state.tuning import OptimizeProgress, optimize, results
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page

@@ -11,8 +11,9 @@ from vqa_state.evaluation import Row
 from vqa_state.project import Project
 from vqa_state.questions import Form
 from vqa_state.report import comparison_frame, heatmap
+from vqa_state.searches import Results
 from vqa_state.splits import Split
-from vqa_state.tuning import Results, results
+from vqa_state.tuning import results
 from vqa_state.web import checks, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
