@@ -5,70 +5,27 @@ import io
 import json
 import subprocess
 import sys
-from fractions import Fraction
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_recognizers import QUESTIONS, recognizer, saying
 from pictures import draw, encode
 from PIL import Image
 from pydantic import ValidationError
 
 from vqa_state.answers import Answer
-from vqa_state.augment import AugmentationKind
 from vqa_state.errors import ImageError, ModelError, RecognizerError
 from vqa_state.models.base import Failure
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.recognizer import (
-    Abstain,
-    Copies,
-    ModelReference,
-    Origin,
     Recognizer,
-    ScoreRecord,
-    Scores,
-    States,
     WeightedQuestion,
     read_recognizer,
 )
-from vqa_state.scores import Objective, ObjectiveWeights
-from vqa_state.search.genetic import SearchSettings
 from vqa_state.verdict import State, Vote
 from vqa_state.voting.kinds import VoteKind
-
-QUESTIONS = ("Is this door open?", "Is this door closed?", "Is the inside visible?")
-
-
-def recognizer(**changes) -> Recognizer:
-    record = ScoreRecord(n_recognized=9, n_images=10, R_ave=0.8, R_invalid=0.1)
-    fields = {
-        "name": "door",
-        "states": States(positive="open", negative="closed"),
-        "model": ModelReference(name="scripted", fingerprint="scripted/1"),
-        "copies": Copies(kind=AugmentationKind.RGB_SHIFT, amount=0.1, n_copies=2, seed=0),
-        "questions": (
-            WeightedQuestion(text=QUESTIONS[0], yes_means=1),
-            WeightedQuestion(text=QUESTIONS[1], yes_means=-1),
-            WeightedQuestion(text=QUESTIONS[2], yes_means=1),
-        ),
-        "origin": Origin(
-            objective=Objective.S_PLUS,
-            weights=ObjectiveWeights(),
-            settings=SearchSettings(),
-            seed=0,
-            generations=200,
-            finished=True,
-        ),
-        "scores": Scores(train=record, test=None),
-        "calls_per_image": 6,
-    }
-    return Recognizer(**(fields | changes))
-
-
-def saying(**said: str) -> ScriptedModel:
-    texts = dict(zip(QUESTIONS, said.values(), strict=True))
-    return ScriptedModel(lambda _, question: Answer(texts[question]))
 
 
 def test_round_trip_gives_the_same_bytes(tmp_path):
@@ -301,106 +258,13 @@ def test_files_of_version_1_are_read_and_written_anew():
         read_recognizer(version_1().replace(b'"door"', b'"gate"'), "r.json")
 
 
-def naive(kind, questions, threshold, said, p_yes):
-    """The formulas of `voting.kinds`, in fractions; 0 is unknown."""
-    above = total = valid = Fraction(0)
-    for question, answers, shares in zip(questions, said, p_yes, strict=True):
-        for speaks_for, p in zip(answers, shares, strict=True):
-            weight = question.weight
-            valid += weight * abs(speaks_for)
-            if kind is VoteKind.WEIGHTED_P_YES:
-                exact = Fraction(round(p * 1_000_000), 1_000_000)
-                above += weight * (exact if question.yes_means > 0 else 1 - exact)
-                total += weight
-            elif kind is VoteKind.WEIGHTED_ANSWERS:
-                above += weight * Fraction(1 + speaks_for, 2)
-                total += weight
-            else:
-                above += weight * (speaks_for > 0)
-                total += weight * abs(speaks_for)
-    if not total or (kind is not VoteKind.WEIGHTED_P_YES and not valid):
-        return 0
-    difference = above / total - Fraction(round(threshold * 1_000_000), 1_000_000)
-    return (difference > 0) - (difference < 0)
-
-
-TEXTS = {1: ("yes", "no", "door"), -1: ("no", "yes", "door")}  # by yes_means: for, against, neither
-
-
-@given(
-    st.sampled_from(VoteKind),
-    st.lists(st.integers(1, 1000), min_size=3, max_size=3),
-    st.integers(1, 999_999),
-    st.lists(st.tuples(st.sampled_from([1, -1, 0]), st.floats(0, 1)), min_size=6, max_size=6),
-    st.sampled_from([0, 0.2, 0.7]),
-)
-def test_every_kind_of_vote_against_its_formula_and_early_stops(
-    kind, weights, millionths, said, least
-):
-    threshold = 0.5 if kind is VoteKind.PAPER else millionths / 1_000_000
-    if kind in (VoteKind.PAPER, VoteKind.THRESHOLD):
-        weights = [1, 1, 1]
-    questions = tuple(
-        one.model_copy(update={"weight": weight})
-        for one, weight in zip(recognizer().questions, weights, strict=True)
-    )
-    one = recognizer(vote=kind, questions=questions, threshold=threshold)
-    cautious = one.model_copy(update={"abstain": Abstain(min_sureness=least)})
-    replies = dict(zip([(c, t) for c in range(2) for t in QUESTIONS], said, strict=True))
-
-    def answer(copy, text):
-        speaks_for, p_yes = replies[copy, text]
-        yes_means = next(q.yes_means for q in questions if q.text == text)
-        return Answer(TEXTS[yes_means][(1, -1, 0).index(speaks_for)], p_yes)
-
-    answers = {place: answer(*place) for place in replies}
-    verdict = one.verdict(one.votes(answers))
-    states = {1: State.POSITIVE, -1: State.NEGATIVE, 0: State.UNKNOWN}
-    columns = [[replies[c, text] for c in range(2)] for text in QUESTIONS]
-    expected = naive(
-        kind,
-        questions,
-        threshold,
-        [[speaks_for for speaks_for, _ in column] for column in columns],
-        [[p for _, p in column] for column in columns],
-    )
-    assert verdict.state is states[expected]
-    whole = cautious.verdict(cautious.votes(answers))
-    assert whole.state in (verdict.state, State.UNKNOWN)
-    if whole.state is State.UNKNOWN and verdict.state is not State.UNKNOWN:
-        assert "not sure enough" in whole.reason
-        assert whole.sureness < least
-    first = cautious.verdict_so_far(cautious.votes(answers, n_copies=1))
-    if first is not None:
-        assert first.state is whole.state
-        low, high = sorted((first.sureness, whole.sureness))
-        unknown = first.state is State.UNKNOWN
-        assert high - low < 1e-9 or (first.sureness == high) == unknown
-    last = cautious.verdict_so_far(cautious.votes(answers))
-    assert (last.state, last.sureness) == (whole.state, whole.sureness)
-
-
-def test_early_stop_says_the_same_with_fewer_calls():
-    copied = {"kind": AugmentationKind.RGB_SHIFT, "amount": 0.1, "n_copies": 5, "seed": 0}
-    one = recognizer(copies=Copies(**copied), calls_per_image=15)
-    clear = saying(a="yes", b="no", c="yes")
-    verdict = one.recognize(draw(1), clear, stop_early=True)
-    assert (verdict.state, verdict.n_calls, verdict.n_skipped) == (State.POSITIVE, 9, 6)
-    assert len(clear.asked) == 9
-    assert "6 answers that were not asked for cannot change it" in verdict.reason
-    tie = saying(a="yes", b="yes", c="door")
-    verdict = one.recognize(draw(1), tie, stop_early=True)
-    assert (verdict.state, verdict.n_calls, verdict.n_skipped) == (State.UNKNOWN, 15, 0)
-
-
-def test_a_vote_by_probabilities_needs_them():
-    one = recognizer(vote=VoteKind.WEIGHTED_P_YES)
-    with pytest.raises(RecognizerError, match="the model gave none"):
-        one.recognize(draw(1), saying(a="yes", b="no", c="yes"))
-
-
 @pytest.mark.parametrize(
-    "changes", [{"threshold": 0.1234567}, {"vote": "majority"}, {"abstain": {"min_sureness": 2}}]
+    "changes",
+    [
+        {"vote": "threshold", "threshold": 0.1234567},  # six digits are written
+        {"vote": "majority"},
+        {"abstain": {"min_sureness": 2}},
+    ],
 )
 def test_votes_that_no_program_writes_are_refused(changes):
     with pytest.raises(RecognizerError, match="cannot be used at"):
