@@ -123,3 +123,29 @@ def test_the_decision_names_a_command_that_exists(load, capsys):
     with pytest.raises(SystemExit, match="0"):
         load("search").main(["--help"])
     assert "usage: python -m benchmarks.search" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("table", [9, 40, 41])
+def test_tables_on_which_cp_sat_once_went_round_without_end(load, table):
+    agreement = load("agreement")
+    assert list(agreement.disagreements(agreement.draw_case(table))) == []
+
+
+def test_the_decision_shows_the_search_that_is_kept(load):
+    bench = load("search")
+    kept = json.loads((ROOT / "docs" / "search.json").read_text(encoding="utf-8"))
+    rows, proof = [bench.Row(**row) for row in kept["rows"]], bench.ProofRow(**kept["proof"])
+    text = (ROOT / "docs" / "decisions" / "0008-restarts.md").read_text(encoding="utf-8")
+    assert f"{bench.table(rows)}\n{bench.proof_text(proof)}\n" in text
+    assert (len(kept["rows"]), proof.n_tables) == (9, bench.FULL.n_proofs)
+
+
+def test_the_kept_search_reaches_what_it_should(load):
+    """At 64 questions and 20 images: nearly always the optimum, sooner than DEAP, and proved."""
+    kept = json.loads((ROOT / "docs" / "search.json").read_text(encoding="utf-8"))
+    rows = {row["engine"]: row for row in kept["rows"] if row["n_questions"] == 64}
+    assert rows["default"]["hit_rate"] >= 0.95
+    assert rows["default"]["seconds"] <= rows["textbook_deap"]["seconds"]
+    assert kept["proof"]["images_proved"] == 1
+    assert kept["proof"]["median_gap"] <= 0.2
+    assert kept["proof"]["seconds_most"] <= 60

@@ -41,8 +41,8 @@ SCALE = 1_000_000
 # to simplify, before the solver's own limit counts, and then its bound hardly falls.
 _MOST_CELLS = 2_500_000
 
-# CP-SAT can turn in circles that count little of its own time: then the clock ends it. Seen on tiny
-# tables before it was told not to search around its start (below).
+# CP-SAT could turn in circles that count little of its own time (see its parameters below). Should
+# it again, the clock ends it: seconds, many times what any table without circles took.
 _BACKSTOP = 120.0
 
 
