@@ -23,6 +23,7 @@ from vqa_state.models.chat_prefix import (
 )
 from vqa_state.models.chat_prompt import ChatPrompt, SeenImage
 from vqa_state.models.runtime import Runtime
+from vqa_state.models.torch_loading import failure_of
 from vqa_state.models.turns import Turns
 
 __all__ = ["ChatAsker", "Outcome"]
@@ -113,7 +114,7 @@ class ChatAsker:
             with self._turns.take():
                 return generate_plain(self._model, on_device(self._model, inputs))
         except _REFUSALS as error:
-            return _failure(error)
+            return failure_of(error)
 
     def _together(self, group: dict[int, SeenImage], questions: Sequence[str]) -> Iterator[Outcome]:
         """Images whose inputs have the same shapes are read in one go."""
@@ -176,7 +177,7 @@ class ChatAsker:
                 inputs = on_device(self._model, self._prompt.inputs(seen, ids))
                 return generate_plain(self._model, inputs)
         except _REFUSALS as error:
-            return _failure(error)
+            return failure_of(error)
 
     def _chunk(self, prefix: Prefix, rows: Sequence[_Row]) -> Iterator[Outcome]:
         import torch
@@ -194,7 +195,7 @@ class ChatAsker:
             for part in (rows[: len(rows) // 2], rows[len(rows) // 2 :]):
                 yield from self._chunk(prefix, part)
         else:
-            yield from ((row.image, row.question, _failure(problem)) for row in rows)
+            yield from ((row.image, row.question, failure_of(problem)) for row in rows)
 
     def _refused(self, ids: Sequence[int], seen: SeenImage) -> Failure | None:
         if seen.head and self._prompt.image_token in ids[len(seen.head) + 1 :]:
@@ -210,13 +211,4 @@ class ChatAsker:
 def _all_fail(
     images: Sequence[int] | dict[int, SeenImage], questions: Sequence[str], error: Exception
 ) -> Iterator[Outcome]:
-    yield from ((image, n, _failure(error)) for image in images for n in range(len(questions)))
-
-
-def _failure(error: Exception) -> Failure:
-    import torch
-
-    if isinstance(error, torch.OutOfMemoryError | MemoryError):
-        return Failure("there is not enough memory for this image; make it smaller")
-    lines = str(error).strip().splitlines() or [type(error).__name__]
-    return Failure(f"the model cannot take this image: {lines[0][:200]}")
+    yield from ((image, n, failure_of(error)) for image in images for n in range(len(questions)))

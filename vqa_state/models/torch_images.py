@@ -20,7 +20,7 @@ from vqa_state.models.address import Device
 from vqa_state.models.base import Failure, Reply
 from vqa_state.models.batching import BatchSize
 from vqa_state.models.runtime import Runtime, folder_digest
-from vqa_state.models.torch_loading import first_line
+from vqa_state.models.torch_loading import failure_of
 from vqa_state.models.turns import Turns, till_stopped
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ class TorchImageModel:
                 if len(batch) > 1:  # one of them is to blame
                     seen = [self._seen_alone(image) for image in batch]
                 else:
-                    seen = [_failure(error)]
+                    seen = [failure_of(error)]
             yield from enumerate(seen, start)
             start += len(batch)
 
@@ -172,7 +172,7 @@ class TorchImageModel:
         try:
             return self._seen([image])[0]
         except RuntimeError as error:
-            return _failure(error)
+            return failure_of(error)
 
     def _about(
         self,
@@ -190,7 +190,7 @@ class TorchImageModel:
                 with self._turns.take():
                     said = self._network.say(seen, torch.tensor(rows))
             except RuntimeError as error:
-                failure = _failure(error)
+                failure = failure_of(error)
                 for rest in blocks[number:]:
                     yield from ((image, question, failure) for question in rest)
                 return
@@ -226,15 +226,6 @@ def _no_memory(error: RuntimeError) -> bool:
     import torch
 
     return isinstance(error, torch.OutOfMemoryError)
-
-
-def _failure(error: RuntimeError) -> Failure:
-    if _no_memory(error):
-        return Failure(
-            "the device has no memory left for this image; end other programs that use it, or "
-            "choose the device cpu"
-        )
-    return Failure(f"the model failed at this image ({first_line(error)})")
 
 
 def fingerprint_of(family: str, folder: Path, runtime: Runtime, template: str, way: str) -> str:

@@ -116,14 +116,14 @@ def load_network(folder: Path, kind: Any, runtime: Runtime) -> tuple[Any, dict[s
     return model, report
 
 
-def failure_of(error: RuntimeError) -> Failure:
+def failure_of(error: Exception) -> Failure:
     """Why a network that was loaded could not answer about one image."""
     import torch
 
-    if isinstance(error, torch.OutOfMemoryError):
+    if isinstance(error, torch.OutOfMemoryError | MemoryError):
         return Failure(
-            "the device has no memory left for this image; end other programs that use it, or "
-            "choose the device cpu"
+            "the device has no memory left for this image; make the image smaller, end other "
+            "programs that use it, or choose the device cpu"
         )
     return Failure(f"the model failed at this image ({first_line(error)})")
 
