@@ -16,7 +16,7 @@ from typing import Any
 import httpx
 import pytest
 import uvicorn
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 from stand_ins import Gate, picture, says
 
 from vqa_state.asking import ask
@@ -275,11 +275,26 @@ def divide(page: Page) -> None:
 
 def write_questions(page: Page) -> None:
     page.get_by_role("tab", name="Questions").click()
-    page.locator("#wordings textarea").fill("refrigerator\nrefrigerator door")
+    type_into(page.locator("#wordings textarea"), "refrigerator\nrefrigerator door")
     expect(page.locator("#questions .qg-counts")).to_have_text("32 questions will be asked")
     page.get_by_role("button", name="Is that refrigerator door closed?").click()
     expect(page.locator("#questions .qg-counts")).to_contain_text("31 questions")
     expect(page.locator("#road")).to_contain_text("31 questions")
+
+
+def type_into(field: Locator, text: str) -> None:
+    """Type into a field that has only just come to be seen.
+
+    Gradio gives such a field its value a second time when the page has settled, in place of what
+    a script typed meanwhile (a person is not that fast). So wait for that, and look.
+    """
+    for _ in range(20):
+        field.fill(text)
+        field.page.evaluate("new Promise(settled => requestIdleCallback(settled))")
+        field.page.wait_for_timeout(500)
+        if field.input_value() == text:
+            return
+    raise AssertionError(f"the field does not keep {text!r}")
 
 
 def choose_model(page: Page) -> None:
@@ -308,7 +323,7 @@ def optimize_it(page: Page) -> None:
     page.get_by_role("tab", name="Optimize").click()
     page.get_by_role("button", name="Advanced: settings of the search").click()
     expect(page.get_by_label("α, weight")).to_have_value("100")  # the settings have arrived
-    page.locator("#generations input").fill("15")
+    type_into(page.locator("#generations input"), "15")
     page.keyboard.press("Tab")
     page.locator("#optimize-start").click()
     expect(page.locator("#optimize-note")).to_contain_text("Done")
