@@ -131,7 +131,8 @@ def test_a_server_that_dies_in_the_middle_ends_the_run_with_all_that_it_said(stu
 
 def test_many_calls_at_once_that_hang_are_given_up_together(stub, project):
     stub.script = lambda call, handler: (hang if call.number >= 100 else slow)(call, handler)
-    model = model_of(stub, replace(ONE, max_parallel=8))
+    # a deadline that no answer of a busy machine misses
+    model = model_of(stub, replace(ONE, max_parallel=8, deadline_seconds=1.0))
     last = list(ask(project, model))[-1]
     assert stub.most_at_once > 1
     assert 100 <= last.n_asked < 110
