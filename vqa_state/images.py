@@ -15,7 +15,9 @@ from vqa_state.errors import ImageError
 __all__ = [
     "MAX_BYTES",
     "MAX_PIXELS",
+    "MIN_SIDE",
     "Picture",
+    "check_side",
     "content_hash",
     "perceptual_hash",
     "pixel_hash",
@@ -27,6 +29,8 @@ __all__ = [
 
 MAX_BYTES = 30_000_000
 MAX_PIXELS = 64_000_000
+MIN_SIDE = 16
+"""Pixels of the shorter side of an image of a project; on less no state can be seen."""
 _SUFFIXES = {
     "JPEG": "jpg",
     "MPO": "jpg",
@@ -108,6 +112,23 @@ def read_picture(data: bytes) -> Picture:
         raise ImageError(
             f"the picture is damaged ({type(error).__name__}); save it again from its source"
         ) from error
+
+
+def check_side(data: bytes) -> None:
+    """Look at a picture's header; what cannot be read at all is left to `read_picture`.
+
+    Raises:
+        ImageError: if a side has fewer than `MIN_SIDE` pixels.
+    """
+    try:
+        width, height = _open(data).size
+    except (ImageError, Image.DecompressionBombError, Image.DecompressionBombWarning, *_DAMAGE):
+        return
+    if min(width, height) < MIN_SIDE:
+        raise ImageError(
+            f"the picture has {width} × {height} pixels; an image of a project needs at least "
+            f"{MIN_SIDE} on each side: add it in its full size"
+        )
 
 
 def read_file(path: Path) -> bytes:

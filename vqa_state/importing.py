@@ -8,18 +8,30 @@ import io
 import lzma
 import os
 import struct
+import time
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from itertools import chain, islice
 from pathlib import Path, PurePosixPath
 
 from vqa_state.errors import ImageError
-from vqa_state.images import MAX_BYTES
-from vqa_state.project import Project
+from vqa_state.images import MAX_BYTES, check_side, content_hash
+from vqa_state.project import LabelledImage, Project
 from vqa_state.splits import Split
 
-__all__ = ["ImportReport", "Refused", "add_files", "add_folder", "add_zip"]
+__all__ = [
+    "Batch",
+    "ImportReport",
+    "Known",
+    "Refused",
+    "add_files",
+    "add_folder",
+    "add_zip",
+    "added_in_batches",
+]
 
 MAX_ENTRIES = 20_000
 MAX_TOTAL_BYTES = 2_000_000_000
@@ -27,6 +39,9 @@ _DAMAGE = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, ValueError, LookupError,
     RuntimeError, struct.error, MemoryError,
 )  # fmt: skip
+_BATCH_FILES = 8
+_BATCH_SECONDS = 0.25
+"""A batch takes no further file after this time: others wait for the project so long."""
 _IGNORED = {"thumbs.db", "desktop.ini", "__macosx"}
 
 
@@ -36,6 +51,33 @@ class Refused:
 
     name: str
     reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A file whose bytes the project has already, and the image that they are."""
+
+    name: str
+    image: LabelledImage
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """What became of the next few files.
+
+    Attributes:
+        n_done: files so far, those of earlier batches included.
+        n_files: files in all.
+        added: new images.
+        known: files that were there already.
+        refused: files that were skipped.
+    """
+
+    n_done: int
+    n_files: int
+    added: tuple[LabelledImage, ...] = ()
+    known: tuple[Known, ...] = ()
+    refused: tuple[Refused, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +105,33 @@ class _Incoming:
     """With folders; they may name a state and a split."""
     data: bytes | None
     reason: str = ""
+    n_files: int = 1
+    """How many came in the same file."""
+
+
+Opened = Callable[[], AbstractContextManager[Project]]
 
 
 def add_files(
     project: Project, files: Iterable[tuple[str, bytes]], label: int | None = None
 ) -> ImportReport:
-    """Add pictures and ZIP files by name and content."""
-    return _add(project, _expanded(_Incoming(name, data) for name, data in files), label)
+    """Add pictures and ZIP files by name and content; names may have folders, as in a ZIP."""
+    return _add(project, _expanded(_given(files)), label)
+
+
+def added_in_batches(opened: Opened, name: str, data: bytes) -> Iterator[Batch]:
+    """Add one picture or ZIP file, a few pictures at a time.
+
+    Args:
+        opened: gives the project for one batch, and saves it if it shall be saved; between two
+            batches nobody holds it.
+        name: of the file; it may have folders, which mean what they mean in a ZIP.
+        data: content of the file.
+
+    Raises:
+        ProjectError: if it cannot be written, or whatever `opened` raises; earlier batches stay.
+    """
+    yield from _batches(opened, _expanded(_given([(name, data)])), None)
 
 
 def add_folder(project: Project, folder: Path, label: int | None = None) -> ImportReport:
@@ -95,24 +157,52 @@ def add_zip(project: Project, data: bytes, label: int | None = None) -> ImportRe
 
 
 def _add(project: Project, incoming: Iterable[_Incoming], label: int | None) -> ImportReport:
-    added: list[str] = []
-    known: list[str] = []
-    refused: list[Refused] = []
-    for item in incoming:
-        name = _shown(item.name)
-        if item.data is None:
-            refused.append(Refused(name, item.reason))
-            continue
-        try:
-            one = project.add(item.data, name, _label_of(project, item.name, label))
-        except ImageError as error:
-            refused.append(Refused(name, str(error)))
-            continue
-        (added if one.is_new else known).append(one.image.id)
-        split = _split_of(item.name)
-        if split is not None:
-            project.set_splits([one.image.id], split)
-    return ImportReport(tuple(added), tuple(known), tuple(refused))
+    batches = list(_batches(lambda: nullcontext(project), incoming, label))
+    return ImportReport(
+        tuple(image.id for batch in batches for image in batch.added),
+        tuple(known.image.id for batch in batches for known in batch.known),
+        tuple(refused for batch in batches for refused in batch.refused),
+    )
+
+
+def _batches(opened: Opened, incoming: Iterable[_Incoming], label: int | None) -> Iterator[Batch]:
+    files, n_done = iter(incoming), 0
+    for first in files:
+        with opened() as project:
+            few = [_taken(project, item, label) for item in _few(chain([first], files))]
+        n_done += len(few)
+        yield Batch(
+            n_done,
+            max(n_done, first.n_files),  # a ZIP that is too large is refused after its files
+            tuple(one for one in few if isinstance(one, LabelledImage)),
+            tuple(one for one in few if isinstance(one, Known)),
+            tuple(one for one in few if isinstance(one, Refused)),
+        )
+
+
+def _few(files: Iterator[_Incoming]) -> Iterator[_Incoming]:
+    began = time.monotonic()
+    for file in islice(files, _BATCH_FILES):
+        yield file
+        if time.monotonic() - began > _BATCH_SECONDS:
+            return
+
+
+def _taken(project: Project, item: _Incoming, label: int | None) -> LabelledImage | Known | Refused:
+    name = _shown(item.name)
+    if item.data is None:
+        return Refused(name, item.reason)
+    try:
+        if content_hash(item.data) not in project.images:
+            check_side(item.data)
+        one = project.add(item.data, name, _label_of(project, item.name, label))
+    except ImageError as error:
+        return Refused(name, str(error))
+    split = _split_of(item.name)
+    if split is not None:
+        project.set_splits([one.image.id], split)
+    image = project.images[one.image.id]
+    return image if one.is_new else Known(name, image)
 
 
 def _label_of(project: Project, name: str, label: int | None) -> int | None:
@@ -135,6 +225,19 @@ def _split_of(name: str) -> Split | None:
 def _shown(name: str) -> str:
     """A name without what a screen or a file cannot hold."""
     return "".join(c if c.isprintable() else "\ufffd" for c in name)
+
+
+def _given(files: Iterable[tuple[str, bytes]]) -> Iterator[_Incoming]:
+    """Files with the names that they would have in a ZIP; a file in no folder is never hidden."""
+    for name, data in files:
+        parts = _parts(name)
+        if len(parts) < 2 or not any(map(_hidden, parts)):
+            yield _Incoming("/".join(parts) or name, data)
+
+
+def _parts(name: str) -> tuple[str, ...]:
+    """Folders and file; old programs write backslashes."""
+    return PurePosixPath(name.replace("\\", "/").lstrip("/")).parts
 
 
 def _expanded(files: Iterable[_Incoming]) -> Iterator[_Incoming]:
@@ -189,17 +292,20 @@ def _entries(file: _Incoming) -> Iterator[_Incoming]:
         yield _Incoming(file.name, None, f"this ZIP file is damaged ({error}); make it again")
         return
     with archive:
+        listed = [(entry, _parts(entry.filename)) for entry in archive.infolist()]
+        wanted = [
+            (number, entry, parts)
+            for number, (entry, parts) in enumerate(listed)
+            if parts and not entry.is_dir() and not any(map(_hidden, parts))
+        ]
         total = 0
-        for count, entry in enumerate(archive.infolist()):
-            parts = PurePosixPath(entry.filename.replace("\\", "/").lstrip("/")).parts
-            if not parts or entry.is_dir() or any(_hidden(part) for part in parts):
-                continue
-            if count >= MAX_ENTRIES or total > MAX_TOTAL_BYTES:
+        for number, entry, parts in wanted:
+            if number >= MAX_ENTRIES or total > MAX_TOTAL_BYTES:
                 yield _Incoming(file.name, None, _too_much())
                 return
             item = _read_entry(archive, entry, str(PurePosixPath(within, *parts)))
             total += len(item.data or b"")
-            yield item
+            yield replace(item, n_files=len(wanted))
 
 
 def _read_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str) -> _Incoming:
