@@ -7,12 +7,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.stats import binomtest
+from test_assessing import Colours
+from tuned_project import tuned_copy
 
+from vqa_state.assessing import assess
 from vqa_state.comparing import compare
 from vqa_state.coverage import CoveragePoint
 from vqa_state.evaluation import Interval, exact_interval
+from vqa_state.report_page import report_page
+from vqa_state.scores import Objective
+from vqa_state.splits import Split
 from vqa_state.standing_rows import RIVAL, SideScore, Standing, Standings
-from vqa_state.standings_words import comparison_sentences, standings_frame, warning_sentences
+from vqa_state.standings import standings
+from vqa_state.standings_words import (
+    cheaper_objective_sentence,
+    comparison_sentences,
+    standings_frame,
+    warning_sentences,
+)
+from vqa_state.tuning import results
 from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.kinds import VoteKind
 
@@ -165,3 +178,106 @@ def test_a_test_score_says_how_little_it_shows():
 def test_without_test_images_it_says_so():
     (said,) = comparison_sentences([], (), has_test=False)
     assert said.startswith("There are no test images")
+
+
+# --- which objective to take ------------------------------------------------------------------
+
+
+def costing(name, n_calls, n_recognized, **more):
+    train = side((n_recognized, 20), (10, 10), (n_recognized - 10, 10))
+    return replace(row(name, **more), n_calls=n_calls, train=train)
+
+
+def test_a_cheaper_objective_that_does_as_well_is_named_with_the_way_to_assess_it():
+    rows = [
+        costing("s+", 312, 19),
+        costing("s'-", 12, 19),
+        costing("s-", 6, 19),
+        costing("best question", 1, 20),  # no objective: nothing to choose
+    ]
+    said = cheaper_objective_sentence(rows, Objective.S_PLUS, is_assessed=True)
+    assert said == (
+        "s- recognizes as many training images (19 of 20) with 6 calls instead of 312; to estimate "
+        "it out of bag, choose it (on Recognizer, or with `export --objective s-`) and assess "
+        "again."
+    )
+    first = cheaper_objective_sentence(rows, Objective.S_PLUS, is_assessed=False)
+    assert first.endswith("and assess it.")
+
+
+def test_a_cheaper_objective_that_does_better_is_said_to():
+    rows = [costing("s+", 312, 18), costing("s-", 6, 20)]
+    said = cheaper_objective_sentence(rows, Objective.S_PLUS, is_assessed=False)
+    assert said.startswith("s- recognizes more training images (20 of 20 instead of 18) with 6")
+
+
+def test_it_is_the_recommended_row_that_is_compared():
+    rows = [costing("s+", 5, 20), costing("s+, threshold", 60, 18, recommended=True)]
+    rows += [costing("s-", 6, 18)]
+    said = cheaper_objective_sentence(rows, Objective.S_PLUS, is_assessed=True)
+    assert "6 calls instead of 60" in said
+
+
+@pytest.mark.parametrize(("n_calls", "n_recognized"), [(6, 18), (312, 20), (400, 20)])
+def test_no_objective_is_named_that_does_worse_or_costs_as_much(n_calls, n_recognized):
+    rows = [costing("s+", 312, 19), costing("s-", n_calls, n_recognized)]
+    assert cheaper_objective_sentence(rows, Objective.S_PLUS, is_assessed=True) == ""
+
+
+# --- in a project -----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def tuned(make_project, tmp_path):
+    return tuned_copy(make_project, tmp_path)
+
+
+def with_turned_labels(project, split):
+    """The same project with every label of a side turned."""
+    for image in project.labelled(split):
+        project.set_labels([image.id], -image.label)
+    return project
+
+
+def test_the_advice_names_the_cheaper_objective_by_training_images_alone(tuned):
+    found = results(tuned)
+    by_name = {one.name.value: one for one in found.evaluation.rows}
+    tuned.chosen = Objective.S_PLUS
+    own = by_name["s+"]
+    fewer = [
+        by_name[name]
+        for name in ("s'+", "s-", "s'-")
+        if len(by_name[name].subset) < len(own.subset)
+        and by_name[name].train.n_recognized >= own.train.n_recognized
+    ]
+    assert fewer, "this project has nothing to tell"
+    table = standings(tuned.chosen, found, None)
+    cheapest = min(len(one.subset) for one in fewer)
+    assert f"{cheapest * tuned.augmentation.n_copies} calls instead of" in table.recommendation
+    page = report_page(tuned, found, None, table)
+    assert f"{cheapest * tuned.augmentation.n_copies} calls instead of" in page
+    turned = standings(tuned.chosen, results(with_turned_labels(tuned, Split.TEST)), None)
+    assert turned.recommendation == table.recommendation
+
+
+def test_every_row_names_the_images_that_it_misses(tuned):
+    """As the evaluation counts them, and as many as the scores say; the rival by its own sides."""
+    *_, last = assess(tuned, features=Colours, n_resamples=3)
+    found, kept = results(tuned), last.assessment
+    rows = {one.name: one for one in standings(tuned.chosen, found, kept).rows}
+    for row in found.evaluation.rows:
+        seen = rows[row.name.value]
+        assert seen.asked == tuple(sorted(row.subset))
+        for ours, theirs in (
+            (seen.train_missed, row.train_missed),
+            (seen.test_missed, row.test_missed),
+        ):
+            wanted = [
+                (one.image_id, 0 if one.n_for == one.n_against else -one.label) for one in theirs
+            ]
+            assert [(one.image_id, one.verdict) for one in ours] == wanted
+    for row in rows.values():
+        assert len(row.train_missed) == row.train.whole[1] - row.train.whole[0]
+        assert len(row.test_missed) == row.test.whole[1] - row.test.whole[0]
+    for one in (*rows[RIVAL].train_missed, *rows[RIVAL].test_missed):
+        assert kept.rival.sides[one.image_id] == one.verdict == -tuned.images[one.image_id].label

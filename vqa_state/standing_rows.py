@@ -8,7 +8,7 @@ from vqa_state.evaluation import Interval
 from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.kinds import VoteKind
 
-__all__ = ["CAREFUL", "RIVAL", "SideScore", "Standing", "Standings"]
+__all__ = ["CAREFUL", "RIVAL", "Missed", "SideScore", "Standing", "Standings"]
 
 RIVAL = "trained image classifier"
 
@@ -35,6 +35,19 @@ class SideScore:
 
 
 @dataclass(frozen=True, slots=True)
+class Missed:
+    """An image that a row does not recognize.
+
+    Attributes:
+        image_id: as in the answer table.
+        verdict: +1 or -1, the state that it is taken for; 0 is unknown.
+    """
+
+    image_id: str
+    verdict: int
+
+
+@dataclass(frozen=True, slots=True)
 class Standing:
     """One row.
 
@@ -53,6 +66,9 @@ class Standing:
         uncareful: what its single out-of-bag votes do if it abstains only where nothing leans;
             None without an assessment.
         careful: the same where `CAREFUL` of the votes shall give a verdict.
+        asked: positions of its questions, ascending; empty for the rival.
+        train_missed: training images that it does not recognize, in the table's order.
+        test_missed: test images likewise. To show them is a look at the test images.
     """
 
     name: str
@@ -67,6 +83,9 @@ class Standing:
     recommended: bool
     uncareful: CoveragePoint | None = None
     careful: CoveragePoint | None = None
+    asked: tuple[int, ...] = ()
+    train_missed: tuple[Missed, ...] = ()
+    test_missed: tuple[Missed, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +96,8 @@ class Standings:
         rows: kinds of vote of the chosen objective first, then subsets, baselines, the rival.
         comparisons: on the same test images, corrected for how many they are; empty without any.
         sentences: the comparisons in words, or what is missing.
-        recommendation: why one kind is recommended; "" without an assessment.
+        recommendation: why one kind is recommended, and which other objective's set does as well
+            on training images with fewer calls; "" if there is neither.
         warnings: where numbers promise more than they keep.
         badges: what is proved about each objective's subset, and what the paper's search found.
     """

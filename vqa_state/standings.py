@@ -21,9 +21,10 @@ from vqa_state.evaluation import Candidate, exact_interval
 from vqa_state.pace import milliseconds
 from vqa_state.scores import Objective
 from vqa_state.searches import Results
-from vqa_state.standing_rows import CAREFUL, RIVAL, SideScore, Standing, Standings
+from vqa_state.standing_rows import CAREFUL, RIVAL, Missed, SideScore, Standing, Standings
 from vqa_state.standings_words import (
     badge_sentences,
+    cheaper_objective_sentence,
     comparison_sentences,
     recommendation_sentence,
     standings_frame,
@@ -31,9 +32,10 @@ from vqa_state.standings_words import (
 )
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
-__all__ = ["RIVAL", "SideScore", "Standing", "Standings", "standings", "standings_frame"]
+__all__ = ["RIVAL", "Missed", "SideScore", "Standing", "Standings", "standings", "standings_frame"]
 
 Mask = NDArray[np.bool_]
+Sides = NDArray[np.int8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,11 +61,16 @@ def standings(
     entries = list(maker.entries(chosen))
     rows = tuple(entry.row for entry in entries)
     comparisons = _comparisons(entries, chosen)
+    is_assessed = assessed is not None
+    advice = (
+        recommendation_sentence(assessed),
+        cheaper_objective_sentence(rows, chosen, is_assessed=is_assessed),
+    )
     return Standings(
         rows=rows,
         comparisons=comparisons,
         sentences=tuple(comparison_sentences(rows, comparisons, has_test=found.test is not None)),
-        recommendation=recommendation_sentence(assessed),
+        recommendation="\n".join(one for one in advice if one),
         warnings=tuple(warning_sentences(rows, assessed, has_test=found.test is not None)),
         badges=tuple(badge_sentences(found)),
     )
@@ -99,8 +106,8 @@ class _Maker:
         yield from self._rival()
 
     def _voting(self, name: str, vote: FittedVote) -> _Entry:
-        train = self._found.train
-        on_test = self._decided(vote)
+        train, test = self._found.train, self._found.test
+        on_train, on_test = vote.decide(self._train), self._decided(vote)
         row = Standing(
             name=name,
             kind=vote.kind,
@@ -108,38 +115,35 @@ class _Maker:
             n_calls=vote.n_used * train.n_copies,
             early_calls=_early_calls(vote, train),
             milliseconds=milliseconds(self._pace, vote.n_used, train.n_copies),
-            train=_side(vote.decide(self._train) == train.labels, train.labels),
+            train=_side(on_train == train.labels, train.labels),
             estimate=None,
-            test=self._tested(on_test),
+            test=_score(test, on_test),
             recommended=False,
+            asked=vote.questions,
+            train_missed=_missed(train, on_train),
+            test_missed=_missed(test, on_test),
         )
-        return _Entry(row, on_test)
+        return _Entry(row, _right(test, on_test))
 
-    def _decided(self, vote: FittedVote) -> Mask | None:
-        test = self._found.test
-        if test is None or self._test is None:
+    def _decided(self, vote: FittedVote) -> Sides | None:
+        if self._test is None:
             return None
         if vote.kind is VoteKind.WEIGHTED_P_YES and self._test.p_positive is None:
             return None
-        right: Mask = vote.decide(self._test) == test.labels
-        return right
-
-    def _tested(self, right: Mask | None) -> SideScore | None:
-        test = self._found.test
-        return None if right is None or test is None else _side(right, test.labels)
+        return vote.decide(self._test)
 
     def _rival(self) -> Iterator[_Entry]:
         rival = None if self._assessed is None else self._assessed.rival
         if rival is None:
             return
 
-        def right(table: AnswerTable | None) -> Mask | None:
+        def seen(table: AnswerTable | None) -> Sides | None:
             if table is None or not set(table.image_ids) <= set(rival.sides):
                 return None
-            sides = np.array([rival.sides[image_id] for image_id in table.image_ids])
-            return np.asarray(sides == table.labels)
+            return np.array([rival.sides[image_id] for image_id in table.image_ids], np.int8)
 
-        on_train, on_test = right(self._found.train), right(self._found.test)
+        train, test = self._found.train, self._found.test
+        on_train, on_test = seen(train), seen(test)
         if on_train is None:
             return
         row = Standing(
@@ -149,12 +153,14 @@ class _Maker:
             n_calls=0,
             early_calls=None,
             milliseconds=rival.milliseconds,
-            train=_side(on_train, self._found.train.labels),
+            train=_side(on_train == train.labels, train.labels),
             estimate=rival.estimate,
-            test=self._tested(on_test),
+            test=_score(test, on_test),
             recommended=False,
+            train_missed=_missed(train, on_train),
+            test_missed=_missed(test, on_test),
         )
-        yield _Entry(row, on_test)
+        yield _Entry(row, _right(test, on_test))
 
 
 def _paper(subset: tuple[int, ...]) -> FittedVote:
@@ -185,6 +191,23 @@ def _early_calls(vote: FittedVote, train: AnswerTable) -> float:
     schedule = Schedule(vote.questions, train.n_copies)
     shares = train.p_positive if vote.kind is VoteKind.WEIGHTED_P_YES else None
     return float(calls_needed(AbstainRule(vote), schedule, train.verdicts, shares).mean())
+
+
+def _right(table: AnswerTable | None, sides: Sides | None) -> Mask | None:
+    """Which images are recognized; None where nothing was decided."""
+    return None if table is None or sides is None else np.asarray(sides == table.labels)
+
+
+def _score(table: AnswerTable | None, sides: Sides | None) -> SideScore | None:
+    right = _right(table, sides)
+    return None if table is None or right is None else _side(right, table.labels)
+
+
+def _missed(table: AnswerTable | None, sides: Sides | None) -> tuple[Missed, ...]:
+    if table is None or sides is None:
+        return ()
+    pairs = zip(table.image_ids, sides, sides == table.labels, strict=True)
+    return tuple(Missed(image_id, int(side)) for image_id, side, right in pairs if not right)
 
 
 def _side(right: Mask, labels: NDArray[np.int8]) -> SideScore:

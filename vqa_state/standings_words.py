@@ -21,23 +21,29 @@ from vqa_state.voting.estimates import Estimate, optimism_warning
 
 __all__ = [
     "TABLE_NOTE",
+    "TABLE_NOTES",
     "badge_sentences",
+    "cheaper_objective_sentence",
     "comparison_sentences",
     "recommendation_sentence",
     "standings_frame",
     "warning_sentences",
 ]
 
-TABLE_NOTE = (
-    "★ marks the recommended kind of vote; its estimate out of bag has the choice between the "
-    "kinds repeated inside, those of the other kinds have not. Behind test scores stand their "
-    "exact 95 % intervals, those of a single state too. Behind the estimates out of bag stand "
-    "intervals as wide as those of so many images; those of a single state carry none: they rest "
-    "on about half the images and are less certain still. Training scores carry none, because "
-    "training images chose the questions. An unknown verdict counts as not recognized. “Unknown” "
-    "and “right at 90 %” are of single out-of-bag votes: how many give no verdict, and how many "
-    "verdicts are right when only the surest 90 % of the votes give one."
+TABLE_NOTES = (
+    "★: the recommended kind of vote. Its estimate out of bag has the choice between the kinds "
+    "repeated inside, those of the other kinds have not.",
+    "train: the images that chose the questions, so it flatters and carries no interval.",
+    "out of bag: images that a repeated search did not see. Behind it stands an interval as wide "
+    "as that of so many images; that of a single state carries none, for it is less certain still.",
+    "unknown, right at 90 %: of single out-of-bag votes, how many give no verdict, and how many "
+    "verdicts are right when only the surest 90 % of the votes give one.",
+    "test: images that chose nothing, with exact 95 % intervals.",
+    "An unknown verdict counts as not recognized.",
 )
+"""What the words of the table mean, one sentence or two a word."""
+
+TABLE_NOTE = " ".join(TABLE_NOTES)
 """What to read below the table, wherever it is shown."""
 
 _INSTEAD = (
@@ -70,6 +76,36 @@ def recommendation_sentence(assessed: Assessment | None) -> str:
     return (
         f"{said} To be picked by such numbers flatters a vote; with the choice repeated on every "
         f"resample, it is {expected.share * n_images:.1f} of {n_images}."
+    )
+
+
+def cheaper_objective_sentence(
+    rows: Sequence[Standing], chosen: Objective, *, is_assessed: bool
+) -> str:
+    """Whether the set of another objective does as well on training images with fewer calls.
+
+    Args:
+        rows: of the table; the recommended one is compared, or the first if none is.
+        chosen: the project's objective, whose rows come first.
+        is_assessed: whether that objective is; others never are in the same table.
+
+    Returns:
+        One sentence about the cheapest, and how to assess it; "" if there is none.
+    """
+    own = next((row for row in rows if row.recommended), rows[0])
+    others = [row for row in rows if row.name in set(Objective) - {chosen}]
+    as_good = [row for row in others if row.train.whole[0] >= own.train.whole[0]]
+    cheaper = [row for row in as_good if row.n_calls < own.n_calls]
+    if not cheaper:
+        return ""
+    best = min(cheaper, key=lambda row: row.n_calls)
+    more = best.train.whole[0] > own.train.whole[0]
+    instead = f" instead of {own.train.whole[0]}" if more else ""
+    return (
+        f"{best.name} recognizes {'more' if more else 'as many'} training images "
+        f"({_share(best.train.whole)}{instead}) with {best.n_calls} calls instead of "
+        f"{own.n_calls}; to estimate it out of bag, choose it (on Recognizer, or with `export "
+        f"--objective {best.name}`) and assess{' again' if is_assessed else ' it'}."
     )
 
 
