@@ -8,6 +8,7 @@ import typer
 from vqa_state import models
 from vqa_state.assessing import assessment
 from vqa_state.cli.options import Folder, Json, app, found_results, tell
+from vqa_state.cli.picking import chosen_images, given_path
 from vqa_state.cli.terminal import interruptible, say, show_asking
 from vqa_state.cues import with_cues
 from vqa_state.errors import ImageError, ProjectError
@@ -49,7 +50,9 @@ def new(
 @app.command()
 def add(
     folder: Folder,
-    paths: Annotated[list[Path], typer.Argument(help="Pictures, folders or ZIP files.")],
+    paths: Annotated[
+        list[Path], typer.Argument(parser=given_path, help="Pictures, folders or ZIP files.")
+    ],
     state: Annotated[str | None, typer.Option(help="State of all these pictures.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -82,7 +85,8 @@ def add(
 def label(
     folder: Folder,
     images: Annotated[
-        list[str] | None, typer.Argument(help="Names or first letters of ids; none: just list.")
+        list[str] | None,
+        typer.Argument(help="Names, or 4 or more first letters of ids; none: just list."),
     ] = None,
     state: Annotated[str | None, typer.Option(help="One of the states, or 'none'.")] = None,
     split: Annotated[Split | None, typer.Option(help="Put them on this side.")] = None,
@@ -108,9 +112,11 @@ def label(
     if accept_labels and not suggest:
         raise typer.BadParameter("--accept goes with --suggest")
     if suggest:
-        _suggest(project, set(_matching(project, images or [])), as_json, accepted=accept_labels)
+        _suggest(
+            project, set(chosen_images(project, images or [])), as_json, accepted=accept_labels
+        )
         return
-    chosen = _matching(project, images or [])
+    chosen = chosen_images(project, images or [])
     if not chosen and (state is not None or split is not None):
         raise typer.BadParameter("--state and --split need the names or ids of images")
     if state is not None:
@@ -250,16 +256,6 @@ def _label(project: Project, state: str) -> int:
             f"{project.states.positive!r} and {project.states.negative!r}"
         )
     return found
-
-
-def _matching(project: Project, wanted: list[str]) -> list[str]:
-    chosen = []
-    for word in wanted:
-        fitting = [i.id for i in project.images.values() if i.name == word or i.id.startswith(word)]
-        if not fitting:
-            raise ProjectError(f"no image is named {word!r} or has an id that begins so")
-        chosen += fitting
-    return chosen
 
 
 def _record(project: Project, image: LabelledImage) -> dict[str, str | None]:

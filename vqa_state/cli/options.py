@@ -8,6 +8,7 @@ import typer
 
 from vqa_state import report
 from vqa_state.assessing import Assessment, assessment
+from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import print_json, print_table
 from vqa_state.errors import NothingToSearchError
 from vqa_state.frontier import thinned
@@ -19,7 +20,17 @@ from vqa_state.standings_words import TABLE_NOTE
 from vqa_state.suggesting import Hints, hints
 from vqa_state.tuning import recognizer_path, refresh
 
-__all__ = ["Folder", "Json", "Seed", "app", "found_results", "show", "tell"]
+__all__ = [
+    "Folder",
+    "Json",
+    "Seed",
+    "app",
+    "count_look",
+    "found_results",
+    "has_test",
+    "show",
+    "tell",
+]
 
 _SHOWN = 5  # images of each list of hints
 
@@ -33,7 +44,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-Folder = Annotated[Path, typer.Argument(metavar="PROJECT", help="The project's folder.")]
+Folder = Annotated[
+    Path, typer.Argument(metavar="PROJECT", parser=given_path, help="The project's folder.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of text.")]
 Seed = Annotated[
     int | None, typer.Option(min=0, max=2**32 - 1, help="Of the search; kept in the project.")
@@ -64,7 +77,7 @@ def found_results(project: Project) -> Results:
 
 
 def show(folder: Path, as_json: bool) -> None:
-    """The table of all subsets. This is a look at the test images, counted once it was shown.
+    """The table of all subsets. A look at the test images, if there are any, is counted once shown.
 
     The project is read anew: it may have changed while the work before this took its time.
     """
@@ -74,6 +87,17 @@ def show(folder: Path, as_json: bool) -> None:
         print_json(_record(project, found))
     else:
         _print(project, found)
+    if has_test(found):
+        count_look(folder)
+
+
+def has_test(found: Results) -> bool:
+    """Whether the results say anything of test images."""
+    return any(row.test is not None for row in found.evaluation.rows)
+
+
+def count_look(folder: Path) -> None:
+    """One more look at the test images; the project is read anew, as it may have changed."""
     project = Project.open(folder)
     project.test_looks += 1
     project.save()
@@ -109,7 +133,7 @@ def _record(project: Project, found: Results) -> dict[str, object]:
         "n_left_out_train": evaluation.n_left_out_train,
         "n_left_out_test": evaluation.n_left_out_test,
         "look_alikes": report.look_alike_sentences(project),
-        "test_looks": project.test_looks + 1,
+        "test_looks": project.test_looks + has_test(found),
         "recognizer": str(recognizer_path(project, project.chosen)),
     }
 
@@ -169,6 +193,7 @@ def _print(project: Project, found: Results) -> None:
     left_out = evaluation.n_left_out_train + evaluation.n_left_out_test
     if left_out:
         print(f"{left_out} images are left out because answers are missing; ask again for them.")
-    looks = "once" if not project.test_looks else f"{project.test_looks + 1} times"
-    print(f"The test results were looked at {looks}.")
+    if has_test(found):
+        looks = "once" if not project.test_looks else f"{project.test_looks + 1} times"
+        print(f"The test results were looked at {looks}.")
     print(f"Recognizer ({project.chosen.value}): {recognizer_path(project, project.chosen)}")

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from vqa_state import models
 from vqa_state.asking import AskProgress
 from vqa_state.cli.options import app
+from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import interruptible, print_table, say
 from vqa_state.reproduction.page import write_report
 from vqa_state.reproduction.paper import EXPERIMENTS
@@ -24,10 +25,14 @@ _SAMPLES = Path(__file__).parents[2] / "projects"
 
 @app.command()
 def reproduce(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where copies and tables are written.")],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", parser=given_path, help="Where copies and tables are written."),
+    ],
     model: Annotated[str, typer.Option(help="Name or address of the model.")] = "embedded",
     projects: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder of the eleven projects.")
+        Path,
+        typer.Option(metavar="DIR", parser=given_path, help="Folder of the eleven projects."),
     ] = _SAMPLES,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Of the searches.")] = 0,
 ) -> None:

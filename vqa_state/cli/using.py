@@ -11,7 +11,8 @@ from vqa_state import models, report
 from vqa_state.asking import AskProgress
 from vqa_state.assessing import assessment
 from vqa_state.cli.looking import look_first
-from vqa_state.cli.options import Folder, Json, app, found_results, show, tell
+from vqa_state.cli.options import Folder, Json, app, count_look, found_results, show, tell
+from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import (
     interruptible,
     print_json,
@@ -30,6 +31,7 @@ from vqa_state.rechecking import Rechecked, recheck
 from vqa_state.recognizer import Recognizer, recognize_all
 from vqa_state.report_page import report_page
 from vqa_state.scores import Objective
+from vqa_state.splits import Split
 from vqa_state.standings import standings
 from vqa_state.verdict import State, Verdict
 from vqa_state.voting.kinds import VoteKind
@@ -39,10 +41,14 @@ from vqa_state.voting.kinds import VoteKind
 def report_command(
     folder: Folder,
     csv: Annotated[
-        Path | None, typer.Option(help="Also write questions.csv and scores.csv into this folder.")
+        Path | None,
+        typer.Option(
+            parser=given_path, help="Also write questions.csv and scores.csv into this folder."
+        ),
     ] = None,
     html: Annotated[
-        Path | None, typer.Option(help="Also write a page with pictures that opens offline.")
+        Path | None,
+        typer.Option(parser=given_path, help="Also write a page with pictures that opens offline."),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -68,7 +74,9 @@ def report_command(
 @app.command()
 def export(
     folder: Folder,
-    out: Annotated[Path, typer.Argument(help="Where to write the recognizer's JSON.")],
+    out: Annotated[
+        Path, typer.Argument(parser=given_path, help="Where to write the recognizer's JSON.")
+    ],
     objective: Annotated[
         Objective | None, typer.Option(help="s+ for accuracy, s- for speed; kept as your choice.")
     ] = None,
@@ -205,9 +213,8 @@ def recheck_command(
     if found is None:
         say("stopped by you; what was answered is kept")
         raise typer.Exit(3)
-    project = Project.open(folder)
-    project.test_looks += 1
-    project.save()
+    if any(side.split is Split.TEST and side.n_images for side in found.sides):
+        count_look(folder)
     lines = [side.sentence for side in found.sides] + ([found.says] if found.says else [])
     lines.append(f"To optimize again for it: python -m vqa_state tune {folder} --model '{model}'")
     tell(as_json, asdict(found), "\n".join(lines))
