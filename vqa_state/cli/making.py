@@ -203,6 +203,9 @@ def _suggest(project: Project, only: set[str], as_json: bool, *, accepted: bool)
         model = models.create(project.model)
         with interruptible() as stop:
             show_asking(ask_unlabelled(project, found, assessed, model, stop))
+        if stop():
+            say("stopped by you; what was answered is kept, and no label was changed")
+            raise typer.Exit(3)
     suggested = hints(project, found, assessed).suggestions
     shown = tuple(one for one in suggested if not only or one.image_id in only)
     if accepted:

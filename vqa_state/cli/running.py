@@ -1,5 +1,6 @@
 """ask, optimize, tune: the long work."""
 
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Annotated
 
@@ -58,7 +59,8 @@ def ask_command(
         what = estimate(project, models.create(project.model).fingerprint)
         tell(as_json, cost_record(what), cost_words(what, project.model))
         return
-    progress = _ask(project)
+    with interruptible() as stop:
+        progress = _ask(project, stop)
     tell(as_json, _asked(progress), asked_sentence(progress))
     _exit_unless(not progress.stopped and not progress.n_failed)
 
@@ -96,7 +98,8 @@ def optimize_command(
     project.weights = _weights(project, alpha, beta)
     project.search_seed = project.search_seed if seed is None else seed
     project.save()
-    finished = _optimize(project)
+    with interruptible() as stop:
+        finished = _optimize(project, stop)
     show(folder, as_json)
     _exit_unless(finished)
 
@@ -117,14 +120,30 @@ def tune(
     project.search_seed = project.search_seed if seed is None else seed
     project.engine = engine or project.engine
     project.assign_splits()
-    progress = _ask(project)
-    say(asked_sentence(progress))
-    if progress.stopped:
-        raise typer.Exit(3)
-    finished = _optimize(Project.open(folder))
-    finished = finished and _assess(Project.open(folder))
+    with interruptible() as stop:  # one for all stages: a stop between two of them counts
+        complete = _stages(project, stop)
     show(folder, as_json)
-    _exit_unless(finished and not progress.n_failed)
+    _exit_unless(complete)
+
+
+def _stages(project: Project, stop: Callable[[], bool]) -> bool:
+    """Ask, optimize, assess; whether all came to their end.
+
+    Raises:
+        Exit: if the stop came before there was a search to show.
+    """
+    progress = _ask(project, stop)
+    say(asked_sentence(progress))
+    if stop():
+        if not progress.stopped:
+            say("stopped by you before the search; the answers are kept")
+        raise typer.Exit(3)
+    finished = _optimize(Project.open(project.folder), stop)
+    if stop():
+        if finished:
+            say("stopped by you before assessing; the recognizers are kept")
+        return False
+    return _assess(Project.open(project.folder), stop) and finished and not progress.n_failed
 
 
 @app.command("assess")
@@ -137,16 +156,16 @@ def assess_command(folder: Folder, as_json: Json = False) -> None:
     """
     project = Project.open(folder)
     found_results(project)
-    finished = _assess(project)
+    with interruptible() as stop:
+        finished = _assess(project, stop)
     show(folder, as_json)
     _exit_unless(finished)
 
 
-def _assess(project: Project) -> bool:
+def _assess(project: Project, stop: Callable[[], bool]) -> bool:
     """Whether the assessment came to its end; too few images for one are told, and no failure."""
     try:
-        with interruptible() as stop:
-            found = show_assessing(assess(project, stop))
+        found = show_assessing(assess(project, stop))
     except NothingToSearchError as error:
         say(f"not assessed: {error}")
         return True
@@ -155,23 +174,21 @@ def _assess(project: Project) -> bool:
     return found is not None and found.finished
 
 
-def _ask(project: Project) -> AskProgress:
+def _ask(project: Project, stop: Callable[[], bool]) -> AskProgress:
     vqa_model = models.create(project.model)
     project.fingerprint = vqa_model.fingerprint
     project.save()
-    with interruptible() as stop:
-        if plan(project, vqa_model.fingerprint).n_to_ask:
-            look_first(vqa_model, stop)
-        last = show_asking(ask(project, vqa_model, stop))
-        if not last.stopped and not last.n_failed:
-            keep_pace(project, vqa_model, stop)
+    if plan(project, vqa_model.fingerprint).n_to_ask:
+        look_first(vqa_model, stop)
+    last = show_asking(ask(project, vqa_model, stop))
+    if not last.stopped and not last.n_failed:
+        keep_pace(project, vqa_model, stop)
     return last
 
 
-def _optimize(project: Project) -> bool:
+def _optimize(project: Project, stop: Callable[[], bool]) -> bool:
     """Whether every search came to its end."""
-    with interruptible() as stop:
-        last = show_search(optimize(project, stop))
+    last = show_search(optimize(project, stop))
     if not last.searched:
         say(f"stopped by you at generation {last.generation} of {last.total}; the best is kept")
     elif last.stopped:
