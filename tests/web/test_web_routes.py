@@ -40,7 +40,12 @@ def png(color: str) -> bytes:
 def upload(client: TestClient, pid: str, name: str, data: bytes) -> Any:
     reply = client.post(f"/projects/{pid}/upload", params={"name": name}, content=data)
     assert reply.status_code == 200, reply.text
-    return reply.json()
+    lines = [json.loads(line) for line in reply.text.splitlines()]
+    assert lines[-1]["done"] <= lines[-1]["of"]
+    return {
+        field: [one for line in lines for one in line[field]]
+        for field in ("added", "known", "refused")
+    }
 
 
 def marks(client: TestClient, pid: str, content: object) -> int:
@@ -54,7 +59,7 @@ def test_a_picture_is_added_once(client: TestClient, desk: Desk, pid: str) -> No
     ]
     again = upload(client, pid, "copy.png", png("red"))
     assert again["added"] == []
-    assert again["known"] == [first["added"][0]["id"]]
+    assert again["known"] == [{"name": "copy.png", "row": first["added"][0]}]
     assert first["added"][0]["id"] in Desk(desk.root).snapshot(pid).images  # it was saved
 
 

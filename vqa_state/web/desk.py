@@ -17,6 +17,7 @@ from vqa_state.jobs import Jobs
 from vqa_state.models import VQAModel
 from vqa_state.models.known import known_as
 from vqa_state.project import Project, StateNames
+from vqa_state.project_file import parse_project
 from vqa_state.questions import QuestionGrid, Wording, phrases_for
 from vqa_state.web.looking import Telling
 from vqa_state.web.shelf import Shelf
@@ -45,9 +46,13 @@ class Desk:
         self.telling = Telling()
         self._checks: dict[str, ModelCheck] = {}
         self._early: set[str] = set()
+        self._names: dict[str, tuple[tuple[int, ...], str]] = {}
 
     def listing(self) -> dict[str, str]:
-        """Id and name of every project, by name. A damaged one goes by the name of its folder."""
+        """Id and name of every project, by name. A damaged one goes by the name of its folder.
+
+        The names come from the files, so that no page waits for a project that is busy.
+        """
         found = {path.parent.name: path.parent for path in self.root.glob("*/project.json")}
         names = {pid: self._name(pid) for pid in found if not pid.startswith(".")}
         return dict(sorted(names.items(), key=lambda item: (item[1].casefold(), item[0])))
@@ -141,10 +146,14 @@ class Desk:
         (self._early.add if taken.stop_early else self._early.discard)(str(pid))
 
     def _name(self, pid: str) -> str:
+        path = self.root / pid / "project.json"
         try:
-            with self.reading(pid) as project:
-                return project.name
-        except ProjectError:
+            seen = path.stat()
+            state = (seen.st_mtime_ns, seen.st_size, seen.st_ino)
+            if self._names.get(pid, ((), ""))[0] != state:  # a large file takes long to check
+                self._names[pid] = state, parse_project(path.read_bytes(), path).name
+            return self._names[pid][1]
+        except (OSError, ProjectError):
             return pid
 
     def _entry(self, pid: object) -> _Open:

@@ -9,12 +9,12 @@ from typing import Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request
-from fastapi.responses import JSONResponse, Response
+from fastapi.responses import JSONResponse, Response, StreamingResponse
 from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
 
 from vqa_state.errors import NothingToSearchError, RecognizerError
 from vqa_state.images import MAX_BYTES
-from vqa_state.importing import add_files
 from vqa_state.pace import read_pace
 from vqa_state.report_page import report_page
 from vqa_state.scores import Objective
@@ -22,7 +22,8 @@ from vqa_state.splits import Split
 from vqa_state.standings import standings
 from vqa_state.tuning import recognizer_path
 from vqa_state.voting.kinds import VoteKind
-from vqa_state.web import checks, verdicts, views
+from vqa_state.web import checks, verdicts
+from vqa_state.web.adding import added_lines, while_here
 from vqa_state.web.desk import Desk
 from vqa_state.web.taken import Taken, found_and_assessed, taken_from, taken_recognizer
 
@@ -49,8 +50,12 @@ def routes(desk: Desk) -> APIRouter:
 
     @router.post("/upload")
     async def upload(request: Request, pid: str, name: str) -> Response:
-        data = await _body(request, MAX_UPLOAD)
-        return await _json(lambda: _add(desk, pid, name, data))
+        try:
+            data = await _body(request, MAX_UPLOAD)
+        except ClientDisconnect:  # stopped, or the page was left
+            return Response(status_code=400)
+        lines = while_here(request, added_lines(desk, pid, name, data))
+        return StreamingResponse(lines, media_type="application/x-ndjson")
 
     @router.post("/marks")
     async def marks(request: Request, pid: str) -> Response:
@@ -124,16 +129,6 @@ async def _body(request: Request, limit: int) -> bytes:
 async def _json(work: Callable[[], Mapping[str, Any]]) -> Response:
     """What `work` gives, made beside the event loop: pictures take time."""
     return JSONResponse(await run_in_threadpool(work))
-
-
-def _add(desk: Desk, pid: str, name: str, data: bytes) -> dict[str, Any]:
-    with desk.changing(pid) as project:
-        report = add_files(project, [(name, data)])
-        return {
-            "added": [views.image_row(project.images[image_id]) for image_id in report.added],
-            "known": list(report.already_there),
-            "refused": [{"name": one.name, "reason": one.reason} for one in report.refused],
-        }
 
 
 def _mark(desk: Desk, pid: str, marked: Mapping[str, Any]) -> dict[str, Any]:

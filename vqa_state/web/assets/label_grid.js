@@ -29,11 +29,13 @@ function paint(at) {
   cell.dataset.suggested = Boolean(hint);
   cell.dataset.split = item.split || 'none';
   cell.setAttribute('aria-selected', chosen.has(at));
-  const guess = hint ? `${stateName(hint.label)} is suggested, ${Math.round(100 * hint.sureness)} % sure` : '';
+  const guess = hint ? `${stateName(hint.label)} is suggested, ${percent(hint.sureness)} % sure` : '';
   cell.title = guess;
   cell.setAttribute('aria-label', `${item.name}: ${guess || stateName(item.label)}, ${item.split || 'no side yet'}`);
   cell.classList.toggle('lg-cursor', at === cursor);
-  cell.querySelector('.lg-label').textContent = hint ? `${stateName(shown)}?` : item.label === null ? '–' : stateName(item.label);
+  const word = hint ? `${stateName(shown)}?` : item.label === null ? '–' : stateName(item.label);
+  const sure = hint ? ` ${percent(hint.sureness)} %` : '';
+  cell.querySelector('.lg-label').replaceChildren(el('b', {}, word), sure);
   cell.querySelector('.lg-split').textContent = item.split || '';
 }
 
@@ -73,6 +75,15 @@ function append(fresh) {
   count();
 }
 
+/** What the server says of an image that is here already; what was marked meanwhile stays. */
+function renew(row) {
+  const at = items.findIndex((item) => item.id === row.id);
+  if (at < 0) return;
+  Object.assign(items[at], row, marksOf(row.id));
+  paint(at);
+  count();
+}
+
 function build() {
   const value = props.value || {};
   const kept = value.project === project ? new Set([...chosen].map((at) => items[at].id)) : new Set();
@@ -96,6 +107,7 @@ function build() {
     grid.scrollTop = cells[first].offsetTop - grid.offsetTop;
   }
   count();
+  recount();
 }
 
 function drawTools() {
@@ -216,6 +228,10 @@ function marksOf(id) {
   return marks;
 }
 
+function warn(text) {
+  $('.lg-unsaved').textContent = text;
+}
+
 /** One save at a time; what was marked meanwhile goes with the next one. */
 async function save() {
   if (saving) return;
@@ -228,13 +244,13 @@ async function save() {
         labels: Object.fromEntries(batch.label), accepted: Object.fromEntries(batch.accepted),
         splits: Object.fromEntries(batch.split),
       }));
-      say('');
+      warn('');
     } catch (error) {
-      if (error.refused) { say(`Not saved: ${error.message}`); trigger('reload', {}); continue; }
+      if (error.refused) { warn(`Not saved: ${error.message}`); trigger('reload', {}); continue; }
       for (const field of FIELDS) {
         for (const [id, value] of batch[field]) if (!unsaved[field].has(id)) unsaved[field].set(id, value);
       }
-      say('Not saved yet: the server cannot be reached. Trying again…');
+      warn('Not saved yet: the server cannot be reached. Trying again…');
       await new Promise((done) => setTimeout(done, 1000));
     }
   }
@@ -249,7 +265,7 @@ async function remove() {
   try {
     await post(`/projects/${project}/remove`, JSON.stringify({ids}));
     chosen = new Set();
-  } catch (error) { say(`Not removed: ${error.message}`); }
+  } catch (error) { warn(`Not removed: ${error.message}`); }
   trigger('reload', {});
 }
 

@@ -1,0 +1,122 @@
+"""Adding pictures on the page: what moves, what stops, and what a drop of folders means."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+from stand_ins import picture
+from test_web_adding import slowed, zipped
+from test_web_browser import Watched, browser, open_tab, pytestmark, url
+
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.project import LabelledImage
+from vqa_state.web.desk import Desk
+
+__all__ = ["browser", "pytestmark", "url"]  # fixtures and filters of the walk
+
+LEAVING = """() => {
+  const leaving = new Event('beforeunload', {cancelable: true});
+  window.dispatchEvent(leaving);
+  return leaving.defaultPrevented;
+}"""
+
+
+def opened(desk: Desk, url: str, browser: Browser) -> tuple[Watched, str]:
+    pid = desk.create("door", "open", "closed")
+    watched = Watched(browser, url)
+    open_tab(watched.page, f"{url}/?p={pid}&tab=images", "#labels .lg-drop")
+    return watched, pid
+
+
+def images(desk: Desk, pid: str) -> list[LabelledImage]:
+    return list(desk.snapshot(pid).images.values())
+
+
+def until(holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_a_zip_comes_in_bit_by_bit_and_stops_when_asked(
+    desk: Desk, url: str, browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slowed(monkeypatch)
+    file = tmp_path / "all.zip"
+    file.write_bytes(zipped(120))
+    watched, pid = opened(desk, url, browser)
+    page = watched.page
+    assert not page.evaluate(LEAVING)
+    news, cells = page.locator(".lg-news"), page.locator(".lg-cell")
+    page.locator("#labels input[type=file]").set_input_files(file)
+    expect(cells.first).to_be_visible()
+    cells.first.click()
+    page.keyboard.press("2")
+    until(lambda: images(desk, pid)[0].label == -1)  # saved while the ZIP comes in
+    assert page.evaluate(LEAVING)
+    expect(news).to_contain_text("s left")
+    expect(news).to_contain_text("of 120")
+    assert 0 < float(page.locator(".lg-progress").get_attribute("value") or 0) < 1
+    began = time.monotonic()
+    page.locator(".lg-stop").click()
+    expect(news).to_contain_text("added; drop the same files again to go on")
+    assert time.monotonic() - began < 1
+    expect(page.locator(".lg-going")).to_be_hidden()
+    page.wait_for_timeout(1500)
+    n_kept = len(images(desk, pid))
+    assert 8 <= n_kept < 110
+    expect(cells).to_have_count(n_kept)
+    expect(news).to_contain_text(f"Stopped: {n_kept} added;")
+    assert images(desk, pid)[0].label == -1
+    assert not page.evaluate(LEAVING)
+    page.locator("#labels input[type=file]").set_input_files(file)
+    expect(news).to_have_text(f"{120 - n_kept} added · {n_kept - 1} already there · 1 refused:")
+    expect(cells).to_have_count(120)
+    watched.forget_broken_streams()
+    assert watched.faults == []
+    page.close()
+
+
+def test_folders_label_wherever_they_fall_and_what_is_there_is_named(
+    desk: Desk, url: str, browser: Browser, scripted: ScriptedModel, tmp_path: Path
+) -> None:
+    for number, name in enumerate(("open/a.png", "closed/test/b.png", "closed/c.png")):
+        path = tmp_path / "photos" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(picture(number, dark=True))
+    (tmp_path / "photos" / ".DS_Store").write_bytes(b"junk")
+    (tmp_path / "copy.png").write_bytes(picture(0, dark=True))
+    watched, pid = opened(desk, url, browser)
+    page = watched.page
+    fall(page, "#labels .lg-keys", tmp_path / "photos")  # beside the dashed box
+    expect(page.locator(".lg-news")).to_have_text("3 added")
+    found = {one.name: (one.label, one.split) for one in images(desk, pid)}
+    assert found == {
+        "photos/open/a.png": (1, None),
+        "photos/closed/test/b.png": (-1, "test"),
+        "photos/closed/c.png": (-1, None),
+    }
+    fall(page, "#labels .lg-cell", tmp_path / "copy.png")
+    expect(page.locator(".lg-news")).to_have_text("0 added · 1 already there")
+    page.locator(".lg-known summary").click()
+    expect(page.locator(".lg-known li")).to_have_text("copy.png – it is photos/open/a.png")
+    address = page.url
+    fall(page, "#title", tmp_path / "copy.png")  # would open the picture in the place of the page
+    page.wait_for_timeout(500)
+    assert page.url == address
+    assert watched.faults == []
+    page.close()
+
+
+def fall(page: Page, selector: str, path: Path) -> None:
+    """Drop a file or folder, as the system would."""
+    box = page.locator(selector).first.bounding_box()
+    assert box
+    place = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+    session = page.context.new_cdp_session(page)
+    for kind in ("dragEnter", "dragOver", "drop"):
+        session.send("Input.dispatchDragEvent", {"type": kind, **place, "data": data})

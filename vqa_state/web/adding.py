@@ -1,0 +1,57 @@
+"""Adding pictures over HTTP: a stream of JSON lines, one for each few pictures.
+
+Nobody else waits longer for the project than these few take, and what a line tells is saved. A
+page that goes away ends the adding with the pictures at work.
+"""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Iterator
+from typing import Any
+
+from fastapi import Request
+from starlette.concurrency import iterate_in_threadpool
+
+from vqa_state.errors import VQAStateError
+from vqa_state.importing import Batch, Refused, added_in_batches
+from vqa_state.web import views
+from vqa_state.web.desk import Desk
+
+__all__ = ["added_lines", "while_here"]
+
+BREATH_SECONDS = 0.02
+"""Between two batches: a lock is not fair, so those that wait for it get a moment."""
+
+
+def added_lines(desk: Desk, pid: str, name: str, data: bytes) -> Iterator[str]:
+    """Add a picture or a ZIP file; a JSON line after each batch.
+
+    The answer has begun by then, so a fault (a full disk, a project that is gone) is the last line,
+    which refuses the file with its sentence.
+    """
+    batch = Batch(0, 1)
+    try:
+        for batch in added_in_batches(lambda: desk.changing(pid), name, data):
+            yield _line(batch)
+    except (VQAStateError, OSError) as error:
+        yield _line(Batch(batch.n_done, batch.n_files, refused=(Refused(name, str(error)),)))
+
+
+async def while_here(request: Request, lines: Iterator[str]) -> AsyncIterator[str]:
+    """The lines, made beside the event loop, as long as the client listens."""
+    async for line in iterate_in_threadpool(lines):
+        yield line
+        await asyncio.sleep(BREATH_SECONDS)
+        if await request.is_disconnected():
+            return
+
+
+def _line(batch: Batch) -> str:
+    told: dict[str, Any] = {
+        "done": batch.n_done,
+        "of": batch.n_files,
+        "added": [views.image_row(image) for image in batch.added],
+        "known": [{"name": one.name, "row": views.image_row(one.image)} for one in batch.known],
+        "refused": [{"name": one.name, "reason": one.reason} for one in batch.refused],
+    }
+    return json.dumps(told) + "\n"
