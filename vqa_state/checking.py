@@ -102,11 +102,17 @@ class ModelCheck:
 
 @dataclass(frozen=True, slots=True)
 class CheckProgress:
-    """How far a check is, in calls; `result` comes with the last."""
+    """How far a check is, in calls; `result` comes with the last, `seconds` since the first."""
 
     n_done: int
     n_total: int
     result: ModelCheck | None = None
+    seconds: float = 0.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """At most, by the pace so far; None before the first call."""
+        return self.seconds / self.n_done * (self.n_total - self.n_done) if self.n_done else None
 
 
 def check_model(
@@ -171,6 +177,7 @@ class _Run:
     n_total: int
     n_done: int = 0
     failures: list[str] = field(default_factory=list)
+    began: float = field(default_factory=time.monotonic)
 
     def ask(
         self, images: Sequence[Image.Image], questions: Sequence[str]
@@ -190,7 +197,8 @@ class _Run:
                 else:
                     said[pair] = reply.outcome
                 self.n_done += 1
-                yield CheckProgress(self.n_done, self.n_total)
+                seconds = time.monotonic() - self.began
+                yield CheckProgress(self.n_done, self.n_total, seconds=seconds)
         except ModelError as error:
             reason = str(error)
         self.n_done += len(open_pairs)  # after a stop nobody reads these

@@ -4,13 +4,14 @@ The app and the command line walk this one road, so the same project, seed and m
 recognizer in both, byte for byte.
 """
 
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from vqa_state.answers import AnswerTable
 from vqa_state.asking import answer_table
-from vqa_state.errors import NothingToSearchError
+from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.evaluation import Candidate, Interval, Row, evaluate
 from vqa_state.files import write_atomically
 from vqa_state.project import Project
@@ -41,6 +42,7 @@ from vqa_state.splits import Split
 
 __all__ = [
     "OptimizeProgress",
+    "is_optimized",
     "optimize",
     "paper_recognizer",
     "recognizer_path",
@@ -56,10 +58,12 @@ class OptimizeProgress:
     Attributes:
         reports: of the searches; during the proofs, the last ones.
         proofs: of the objectives whose proof has something to tell; empty while searching.
+        seconds: since the searches began.
     """
 
     reports: Mapping[Objective, SearchReport]
     proofs: Mapping[Objective, ProofReport] = field(default_factory=dict)
+    seconds: float = 0.0
 
     @property
     def generation(self) -> int:
@@ -80,6 +84,13 @@ class OptimizeProgress:
     def proving(self) -> bool:
         """Whether this tells of proofs."""
         return bool(self.proofs)
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Of the searches, by their pace so far; None before it is known, and while proving."""
+        if self.proving or not self.generation:
+            return None
+        return self.seconds / self.generation * (self.total - self.generation)
 
     @property
     def stopped(self) -> bool:
@@ -116,8 +127,11 @@ def optimize(
     paper_reports: dict[Objective, SearchReport] = {}
     searches = _searches(project, counts, project.engine)
     progress = None
+    began = time.monotonic()
     for reports in zip(*searches.values(), strict=True):
-        progress = OptimizeProgress(dict(zip(searches, reports, strict=True)))
+        progress = OptimizeProgress(
+            dict(zip(searches, reports, strict=True)), seconds=time.monotonic() - began
+        )
         for objective, report in progress.reports.items():
             curves[objective].append((report.best_fitness, report.mean_fitness))
         for objective, paper in papers.items():  # shorter than ours
@@ -161,18 +175,41 @@ def results(project: Project) -> Results | None:
         NothingToSearchError: if no training image has all its answers.
         ProjectError: if there is no question.
     """
+    searches = _kept_searches(project)
+    if searches is None:
+        return None
+    train, test = _tables(project)
+    if not _are_of(searches, train):
+        return None
+    chosen = {objective: one.subset for objective, one in searches.items()}
+    evaluation = evaluate(train, test, chosen, seed=project.search_seed)
+    return Results(searches, evaluation, _complete(train), test and _complete(test))
+
+
+def is_optimized(project: Project) -> bool:
+    """Whether there are `results`, without evaluating them: quick enough after every label."""
+    searches = _kept_searches(project)
+    if searches is None:
+        return False
+    try:
+        train, _ = _tables(project)
+    except (NothingToSearchError, ProjectError):
+        return False
+    return _are_of(searches, train)
+
+
+def _kept_searches(project: Project) -> dict[Objective, SavedSearch] | None:
+    """All four, or None: killed between two of the files, some are of the run before."""
     saved = {objective: read_search(project, objective) for objective in Objective}
     searches = {objective: one for objective, one in saved.items() if one is not None}
     if len(searches) < len(Objective):
         return None
-    train, test = _tables(project)
-    if not all(_fits(one, objective, train) for objective, one in searches.items()):
-        return None
-    if len({(one.engine, one.weights, one.settings, one.seed) for one in searches.values()}) > 1:
-        return None  # killed between two of the four files: some are of the run before
-    chosen = {objective: one.subset for objective, one in searches.items()}
-    evaluation = evaluate(train, test, chosen, seed=project.search_seed)
-    return Results(searches, evaluation, _complete(train), test and _complete(test))
+    runs = {(one.engine, one.weights, one.settings, one.seed) for one in searches.values()}
+    return searches if len(runs) == 1 else None
+
+
+def _are_of(searches: Mapping[Objective, SavedSearch], train: AnswerTable) -> bool:
+    return all(_fits(one, objective, train) for objective, one in searches.items())
 
 
 def _fits(saved: SavedSearch, objective: Objective, train: AnswerTable) -> bool:

@@ -1,5 +1,6 @@
 """What the tabs do, as plain functions: no page, no server."""
 
+import json
 from typing import Any
 
 import gradio as gr
@@ -66,6 +67,15 @@ def test_a_damaged_project_is_listed_and_explained(desk: Desk, pid: str) -> None
         fresh.snapshot(pid)
 
 
+def test_a_damaged_project_opens_as_a_sentence_without_tabs(desk: Desk, pid: str) -> None:
+    (desk.root / pid / "project.json").write_text("{")
+    open_pid, _, _, said, tabs = header.arrival(Desk(desk.root), pid, "ask")
+    assert open_pid == ""
+    assert "cannot be opened" in said["text"]
+    assert "damaged" in said["text"]
+    assert tabs.visible is False
+
+
 # ---- the line of the road ------------------------------------------------------------------
 
 
@@ -115,13 +125,18 @@ EDITS = {
 }
 
 
+def seen(desk: Desk, pid: str, axis: str) -> str:
+    """What a page sends that has just been filled."""
+    return json.dumps([json.loads(questions.show(desk, pid)[-1])[axis]])
+
+
 @pytest.mark.parametrize("axis", EDITS)
 def test_each_field_changes_its_part_of_the_grid_and_is_shown_again(
     desk: Desk, pid: str, axis: str
 ) -> None:
     value, n_questions = EDITS[axis]
     before = list(map(updated, questions.show(desk, pid)[:7]))
-    questions.edit(axis, desk, pid, pid, value)
+    questions.edit(axis, desk, pid, seen(desk, pid, axis), value)
     assert len(desk.snapshot(pid).questions()) == n_questions
     after = list(map(updated, questions.show(desk, pid)[:7]))
     at = list(questions.AXES).index(axis)
@@ -137,29 +152,74 @@ def test_nothing_is_kept_before_the_fields_are_filled(desk: Desk, pid: str, axis
 
 
 def test_a_mistake_is_said_and_nothing_is_lost(desk: Desk, pid: str) -> None:
-    said, _ = questions.edit("wordings", desk, pid, pid, "door\nwater | in sink")
+    said, _ = questions.edit(
+        "wordings", desk, pid, seen(desk, pid, "wordings"), "door\nwater | in sink"
+    )
     assert "{article}" in said["text"]
     assert len(desk.snapshot(pid).questions()) == 16
 
 
+@pytest.mark.parametrize("axis", EDITS)
+def test_a_field_that_is_only_passed_through_takes_nothing_back(
+    desk: Desk, pid: str, axis: str
+) -> None:
+    """Another window changed it meanwhile; this one shows what was there before."""
+    old = seen(desk, pid, axis)
+    questions.edit(axis, desk, pid, old, EDITS[axis][0])
+    questions.edit(axis, desk, pid, old, json.loads(old)[0])
+    assert len(desk.snapshot(pid).questions()) == EDITS[axis][1]
+
+
+def test_what_another_window_wrote_is_not_written_over(desk: Desk, pid: str) -> None:
+    old = seen(desk, pid, "wordings")
+    questions.edit("wordings", desk, pid, old, "door\ncooler")
+    said, grid = questions.edit("wordings", desk, pid, old, "door\nfridge")
+    assert "another window" in said["text"]
+    assert "update" in grid["__type__"]
+    assert len(desk.snapshot(pid).grid.wordings) == 2
+    assert str(desk.snapshot(pid).grid.wordings[1]) == "cooler"
+
+
+def test_a_page_goes_on_typing_faster_than_it_is_answered(desk: Desk, pid: str) -> None:
+    """The project has what the page sent before the last, or before what could not be used."""
+    typed = ["door", "door\na", "door\nab", "door\nab | in", "door\nab | in {article} c"]
+    for n, value in enumerate(typed[1:], 1):
+        questions.edit("wordings", desk, pid, json.dumps(typed[:n]), value)
+    assert str(desk.snapshot(pid).grid.wordings[1]) == "ab | in {article} c"
+
+
+def test_cues_can_be_changed_after_they_were_added(desk: Desk, pid: str) -> None:
+    own, _, _, _, filled = questions.add_cues(desk, pid)
+    known = json.dumps([json.loads(filled)["own_positive"]])
+    said, _ = questions.edit("own_positive", desk, pid, known, own + "\nIs it warm?")
+    assert said["text"] == ""
+    assert "Is it warm?" in [question.text for question in desk.snapshot(pid).questions()]
+
+
 def test_a_double_is_dropped_and_said(desk: Desk, pid: str) -> None:
-    _, value = questions.edit("wordings", desk, pid, pid, "door\ndoor")
+    _, value = questions.edit("wordings", desk, pid, seen(desk, pid, "wordings"), "door\ndoor")
     assert len(value["dropped"]) == 16
 
 
 def test_questions_are_switched_off_and_on(desk: Desk, pid: str) -> None:
     text = "Is this door open?"
-    questions.switch(desk, pid, {"off": [text, "no such question", 7, None]})
+    questions.switch(desk, pid, {"texts": [text, "no such question", 7, None], "on": False})
     assert desk.snapshot(pid).grid.switched_off == (text,)
     value = questions.show(desk, pid)[-2]
     shown = {row["text"]: row["on"] for group in value["groups"] for row in group["questions"]}
     assert shown.pop(text) is False
     assert all(shown.values())
-    questions.switch(desk, pid, {"off": []})
+    other = "Is this door closed?"
+    questions.switch(desk, pid, {"texts": [other, other], "on": False})  # in another window
+    assert set(desk.snapshot(pid).grid.switched_off) == {text, other}
+    questions.switch(desk, pid, {"texts": [other, text], "on": True})
     assert desk.snapshot(pid).grid.switched_off == ()
 
 
-@pytest.mark.parametrize("data", [None, [], {}, {"off": None}, {"off": "all"}, 3])
+@pytest.mark.parametrize(
+    "data",
+    [None, [], {}, {"texts": None, "on": True}, {"texts": [], "on": 1}, 3],
+)
 def test_strange_switches_are_refused(desk: Desk, pid: str, data: Any) -> None:
     with pytest.raises(RequestError):
         questions.switch(desk, pid, data)
@@ -276,7 +336,7 @@ def test_without_a_job_there_is_nothing_to_follow(desk: Desk, pid: str) -> None:
 
 def test_ready_cues_become_questions_of_ones_own(desk: Desk, pid: str) -> None:
     before = len(desk.snapshot(pid).questions())
-    positive, negative, said, _ = questions.add_cues(desk, pid)
+    positive, negative, said, *_ = questions.add_cues(desk, pid)
     with desk.reading(pid) as project:
         added = [question.text for question in project.grid.custom]
     assert len(desk.snapshot(pid).questions()) == before + len(added)
@@ -288,6 +348,6 @@ def test_ready_cues_become_questions_of_ones_own(desk: Desk, pid: str) -> None:
 
 def test_a_state_without_cues_is_told_so(desk: Desk) -> None:
     pid = header.create(desk, "shirt", "clean", "dirty")
-    *_, said, _ = questions.add_cues(desk, pid)
+    _, _, said, *_ = questions.add_cues(desk, pid)
     assert "No cue added" in str(updated(said))
     assert len(desk.snapshot(pid).questions()) == 16

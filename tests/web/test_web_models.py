@@ -192,10 +192,12 @@ def test_asking_a_new_model_looks_first_and_tells_what_to_know(
 
 
 def test_a_look_is_shown_while_it_lasts(desk: Desk, pid: str) -> None:
-    running = Snapshot(JobState.RUNNING, report=CheckProgress(6, 24))
+    running = Snapshot(JobState.RUNNING, report=CheckProgress(6, 24, seconds=3.0))
     for view in (ask.view, recheck.view):
         note = view(desk, pid, running)[0]
-        assert note["text"] == "Looking whether the model sees: 6 of at most 24 calls"
+        assert note["text"] == (
+            "Looking whether the model sees: 6 of at most 24 calls, at most 9 s left"
+        )
         assert note["share"] == 0.25
 
 

@@ -18,6 +18,7 @@ __all__ = [
     "image_id",
     "image_ids",
     "integer",
+    "json_list",
     "json_object",
     "known_image",
     "lines",
@@ -27,6 +28,7 @@ __all__ = [
 ]
 
 MAX_TEXT = 100_000
+MAX_LIST = 10_000_000
 _IMAGE_ID = re.compile(r"[0-9a-f]{64}")
 
 Chosen = TypeVar("Chosen", bound=StrEnum)
@@ -41,12 +43,12 @@ class TooLargeError(RequestError):
     """More bytes came than are read."""
 
 
-def text(value: object, what: str) -> str:
+def text(value: object, what: str, longest: int = MAX_TEXT) -> str:
     """A text of sensible length; None counts as empty."""
     if value is None:
         return ""
-    if not isinstance(value, str) or len(value) > MAX_TEXT:
-        raise RequestError(f"{what} must be a text of at most {MAX_TEXT:,} characters")
+    if not isinstance(value, str) or len(value) > longest:
+        raise RequestError(f"{what} must be a text of at most {longest:,} characters")
     return value
 
 
@@ -115,6 +117,17 @@ def json_object(data: bytes | object) -> dict[str, Any]:
         raise RequestError("the request must hold a JSON object") from error
     if not isinstance(found, dict):
         raise RequestError("the request must hold a JSON object")
+    return found
+
+
+def json_list(value: object, what: str) -> list[Any]:
+    """A JSON list, as text; an empty text is an empty list."""
+    try:
+        found = json.loads(text(value, what, MAX_LIST) or "[]")
+    except (ValueError, RecursionError) as error:
+        raise RequestError(f"{what} must be a JSON list") from error
+    if not isinstance(found, list):
+        raise RequestError(f"{what} must be a JSON list")
     return found
 
 

@@ -12,7 +12,7 @@ import gradio as gr
 from vqa_state.errors import VQAStateError
 from vqa_state.web import checks, widgets
 from vqa_state.web.desk import Desk
-from vqa_state.web.page import OPTIONS
+from vqa_state.web.page import OPTIONS, message
 from vqa_state.web.views import note
 
 __all__ = ["Parts", "build", "wire"]
@@ -23,8 +23,9 @@ MAKE = (
     "of it. You will find out which yes/no questions recognize the state, and take them with you."
 )
 OPEN_JS = """(id) => {
-  if (!id) return;
   const address = new URL(window.location.href);
+  // The field tells its value also when it is only left: that must not load the page anew.
+  if (!id || id === address.searchParams.get('p')) return;
   address.searchParams.set('p', id);
   address.searchParams.delete('tab');
   window.location.assign(address);
@@ -80,7 +81,7 @@ def wire(parts: Parts, desk: Desk, demo: gr.Blocks, tabs: gr.Tabs) -> Any:
         try:
             return create(desk, name, positive, negative)
         except VQAStateError as error:
-            raise gr.Error(str(error), print_exception=False) from error
+            raise message(error) from error
 
     parts.project.input(None, parts.project, None, js=OPEN_JS, **OPTIONS)
     fields = [parts.name, parts.positive, parts.negative]
@@ -103,12 +104,17 @@ def arrival(desk: Desk, pid: str | None, tab: str | None) -> Any:
     choices = [(name, key) for key, name in listing.items()]
     if pid in listing:
         chosen = gr.Dropdown(choices, value=pid)
+        try:
+            desk.snapshot(pid)
+        except VQAStateError as error:
+            said = note(f"This project cannot be opened: {error}.", "bad")
+            return "", chosen, gr.Accordion(open=False), said, gr.Tabs(visible=False)
         return pid, chosen, gr.Accordion(open=False), gr.skip(), _tabs(tab)
-    said = CHOOSE if listing else MAKE
+    words = CHOOSE if listing else MAKE
     if pid:
-        said = f"There is no such project here. {said}"
+        words = f"There is no such project here. {words}"
     chosen = gr.Dropdown(choices, value=None)
-    return "", chosen, gr.Accordion(open=True), note(said), gr.Tabs(visible=False)
+    return "", chosen, gr.Accordion(open=True), note(words), gr.Tabs(visible=False)
 
 
 def _tabs(tab: str | None) -> gr.Tabs:

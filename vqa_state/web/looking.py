@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from vqa_state.checking import CheckProgress, first_look
 from vqa_state.jobs import StopFlag
 from vqa_state.models import VQAModel
-from vqa_state.web.views import Value, note
+from vqa_state.web.views import Value, duration, note
 
 __all__ = ["Telling", "Told", "look_first", "look_note", "with_told"]
 
@@ -54,8 +54,10 @@ def look_first(
 def look_note(report: CheckProgress) -> Value:
     """How far the look is."""
     share = report.n_done / report.n_total if report.n_total else 1.0
+    seconds = report.seconds_left
+    left = "" if seconds is None else f", at most {duration(seconds)} left"
     return note(
-        f"Looking whether the model sees: {report.n_done} of at most {report.n_total} calls",
+        f"Looking whether the model sees: {report.n_done} of at most {report.n_total} calls{left}",
         share=share,
     )
 

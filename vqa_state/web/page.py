@@ -4,6 +4,7 @@ Handlers are plain functions `fn(desk, pid, …)`. The page gives them the desk 
 open project, and turns the errors that the core explains into a message on the page.
 """
 
+import html
 import inspect
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from vqa_state.errors import VQAStateError
 from vqa_state.web import road
 from vqa_state.web.desk import Desk
 
-__all__ = ["Page"]
+__all__ = ["Page", "message"]
 
 Handler = Callable[..., Any]
 OPTIONS: dict[str, Any] = {"show_progress": "hidden", "api_visibility": "private"}
@@ -58,7 +59,8 @@ class Page:
     ) -> Any:
         """Call `fn(desk, pid, data, *inputs)` with what the event carries."""
         handler = _with_data(_explained(fn, self.desk))
-        return trigger(handler, [self.pid, *inputs], list(outputs), **OPTIONS)
+        every = OPTIONS | {"trigger_mode": "multiple"}  # each tells something new
+        return trigger(handler, [self.pid, *inputs], list(outputs), **every)
 
     def fill(self, fn: Handler, outputs: Sequence[Any]) -> None:
         """Fill fields when the page opens; later that would undo what is being typed."""
@@ -73,6 +75,11 @@ class Page:
         return self.on(trigger, fn, (), outputs, concurrency_limit=None)
 
 
+def message(error: VQAStateError) -> gr.Error:
+    """An error as a message of the page, which would read it as HTML, names typed by users too."""
+    return gr.Error(html.escape(str(error), quote=False), print_exception=False)
+
+
 def _explained(fn: Handler, desk: Desk) -> Handler:
     """`fn` with its desk, and its known errors as messages. Without a project nothing happens."""
 
@@ -82,7 +89,7 @@ def _explained(fn: Handler, desk: Desk) -> Handler:
         try:
             return fn(desk, pid, *inputs)
         except VQAStateError as error:
-            raise gr.Error(str(error), print_exception=False) from error
+            raise message(error) from error
 
     def stream(pid: Any, *inputs: Any) -> Iterator[Any]:
         if not pid:
@@ -90,7 +97,7 @@ def _explained(fn: Handler, desk: Desk) -> Handler:
         try:
             yield from fn(desk, pid, *inputs)
         except VQAStateError as error:
-            raise gr.Error(str(error), print_exception=False) from error
+            raise message(error) from error
 
     return stream if inspect.isgeneratorfunction(fn) else handler
 

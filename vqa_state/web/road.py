@@ -6,7 +6,7 @@ from vqa_state.asking import AskPlan, plan
 from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.project import Project
 from vqa_state.splits import Split
-from vqa_state.tuning import recognizer_path
+from vqa_state.tuning import is_optimized
 from vqa_state.web.desk import Desk
 from vqa_state.web.views import note
 
@@ -49,8 +49,15 @@ def _next(project: Project, n_labelled: int, n_questions: int, costs: AskPlan | 
         return "put labelled images on the train side, on the tab Images."
     if costs is None or costs.n_to_ask:
         return "ask the model, on the tab Ask."
-    if not recognizer_path(project, project.chosen).exists():
+    if not is_optimized(project):
         return "choose the questions, on the tab Optimize."
+    n_open = sum(image.label is None for image in project.images.values())
+    if n_open:
+        verb = "has" if n_open == 1 else "have"
+        return (
+            f"look at the results, and take the recognizer with you. {n_open:,} of the images "
+            f"{verb} no label yet: Images can suggest them."
+        )
     return "look at the results, and take the recognizer with you."
 
 

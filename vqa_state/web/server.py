@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Open the web app.")
-    parser.add_argument("--port", type=int, default=7860, help="0 takes any free one")
+    parser.add_argument("--port", type=_port, default=7860, help="0 takes any free one")
     parser.add_argument(
         "--host", default="127.0.0.1", help="address to listen on; another than this machine's "
         "own opens the app to all who can reach it",
@@ -73,6 +73,12 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--projects", type=Path, default=Path("projects"), metavar="DIR")
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
     return parser.parse_args(arguments)
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65_535:
+        raise argparse.ArgumentTypeError(f"the port must be a number from 0 to 65535, got {text!r}")
+    return int(text)
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -95,6 +101,8 @@ def _reason(options: argparse.Namespace, error: OSError) -> str:
             f"port {options.port} is taken, perhaps by this app in another window; stop that one, "
             f"or choose another port with --port {options.port + 1}"
         )
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        return f"{options.projects} is a file, or lies in one; name a folder with --projects DIR"
     return (
         f"{error.strerror or error} (host {options.host}, port {options.port}, {options.projects})"
     )

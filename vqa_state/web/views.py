@@ -6,7 +6,7 @@ from typing import Any
 
 from vqa_state.evaluation import MissedImage
 from vqa_state.labelling import Suggestion
-from vqa_state.project import LabelledImage, Project
+from vqa_state.project import LabelledImage, Project, StateNames
 from vqa_state.questions import BuiltGrid, Form, Question
 from vqa_state.report import ImageAnswer, image_answers
 
@@ -75,13 +75,13 @@ def images_value(
     }
 
 
-def questions_value(built: BuiltGrid) -> Value:
+def questions_value(built: BuiltGrid, states: StateNames) -> Value:
     """The question grid's value: grouped by form and state phrase, in the grid's order."""
     off = set(built.switched_off)
     groups: dict[str, list[Value]] = {}
     for question in sorted((*built.questions, *built.switched_off), key=_place):
         row = {"text": question.text, "on": question not in off}
-        groups.setdefault(_group(question), []).append(row)
+        groups.setdefault(_group(question, states), []).append(row)
     return {
         "groups": [{"title": title, "questions": rows} for title, rows in groups.items()],
         "dropped": [question.text for question in built.duplicates],
@@ -123,9 +123,9 @@ def counted(texts: Counter[str]) -> str:
     return " · ".join(f"{text or '(empty)'} × {n}" for text, n in texts.most_common())
 
 
-def _group(question: Question) -> str:
+def _group(question: Question, states: StateNames) -> str:
     if question.form is Form.CUSTOM:
-        return "your own questions"
+        return f"your own · yes means {states.of(question.yes_means)}"
     return f"{question.form} · {question.phrase}"
 
 

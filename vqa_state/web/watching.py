@@ -14,8 +14,9 @@ import gradio as gr
 from vqa_state.jobs import Job, JobState, Snapshot
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
+from vqa_state.web.views import Value, duration, note
 
-__all__ = ["Watch", "buttons"]
+__all__ = ["Watch", "before_reports", "buttons", "left"]
 
 LOOK_AGAIN_SECONDS = 2.0
 PAUSE_SECONDS = 0.12
@@ -83,6 +84,27 @@ def buttons(snapshot: Snapshot | None) -> tuple[gr.Button, gr.Button]:
     alive = snapshot is not None and snapshot.state.alive
     can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
     return gr.Button(interactive=not alive), gr.Button(interactive=can_stop)
+
+
+def before_reports(snapshot: Snapshot | None, beginning: str) -> Value | None:
+    """What is said whatever the work reports: nothing yet, failed, stopping, or just begun.
+
+    None where its report speaks.
+    """
+    if snapshot is None:
+        return note("")
+    if snapshot.state is JobState.FAILED:
+        return note(f"Failed: {snapshot.failure}", "bad")
+    if snapshot.state is JobState.STOPPING:
+        return note("Stopping…")
+    if snapshot.report is None:
+        return note(beginning, share=0.0) if snapshot.state.alive else note("Stopped.", "warn")
+    return None
+
+
+def left(seconds: float | None) -> str:
+    """How long it takes from now on, to be put behind what is being done; "" if not known."""
+    return "" if seconds is None else f", about {duration(seconds)} left"
 
 
 def _seen(job: Job, snapshot: Snapshot) -> str:

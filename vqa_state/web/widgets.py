@@ -30,7 +30,7 @@ def label_grid(elem_id: str) -> gr.HTML:
 
 
 def question_grid(elem_id: str) -> gr.HTML:
-    """All questions of the grid; event `switched` carries the texts that are off."""
+    """All questions of the grid; event `switched` carries what was switched."""
     return _widget("question_grid", elem_id, "dom.js", "question_grid.js")
 
 

@@ -1,6 +1,7 @@
 // The live grid of questions. Click or Space switches one off and on; arrows walk.
 // Value: {groups: [{title, questions: [{text, on}]}], dropped: [text]}.
-// Event 'switched' carries all texts that are off, so the latest event is the whole truth.
+// Event 'switched' carries {texts, on}: what was switched, so that two windows do not undo each
+// other's.
 
 const groups = $('.qg-groups');
 const dropped = $('.qg-dropped');
@@ -17,7 +18,7 @@ function count() {
 function set(changed, on) {
   for (const button of changed) button.setAttribute('aria-pressed', on);
   count();
-  trigger('switched', {off: buttons().filter((button) => !isOn(button)).map((button) => button.dataset.text)});
+  trigger('switched', {texts: changed.map((button) => button.dataset.text), on});
 }
 
 function question({text, on}) {

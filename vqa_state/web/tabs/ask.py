@@ -13,7 +13,7 @@ from vqa_state.errors import ModelError, NothingToSearchError, ProjectError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.models.address import ModelAddress
 from vqa_state.pace import Estimate, estimate, keep_pace
-from vqa_state.web import checks, watching, widgets
+from vqa_state.web import checks, road, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.looking import look_first, look_note, with_told
 from vqa_state.web.page import Page
@@ -72,6 +72,7 @@ def wire(parts: Parts, page: Page) -> None:
     settings = [parts.kind, parts.amount, parts.n_copies]
     shown = [parts.progress, parts.start, parts.stop]
     follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
+    follow(parts.tab.select)
     chosen = parts.choice.model
     page.fill(show, [chosen, *settings, parts.cost])
     for event in model.wire(parts.choice, page):
@@ -181,18 +182,23 @@ def asking(desk: Desk, pid: str, name: str) -> Work:
 
 def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
     """Progress with what is to be known of the model, start and stop."""
-    shown = with_told(_progress(snapshot), desk.telling(pid, KIND))
-    return shown, *watching.buttons(snapshot)
+    shown = note("") if _is_outdated(desk, pid, snapshot) else _progress(snapshot)
+    return with_told(shown, desk.telling(pid, KIND)), *watching.buttons(snapshot)
+
+
+def _is_outdated(desk: Desk, pid: str, snapshot: Snapshot | None) -> bool:
+    """Whether all that was asked is answered, but there is more to ask by now."""
+    if snapshot is None or snapshot.state is not JobState.DONE or snapshot.report.n_failed:
+        return False
+    costs = road.cost(desk.snapshot(pid))
+    return costs is None or costs.n_to_ask > 0
 
 
 def _progress(snapshot: Snapshot | None) -> Any:
-    if snapshot is None:
-        return note("")
-    if snapshot.state is JobState.FAILED:
-        return note(f"Failed: {snapshot.failure}", "bad")
-    report: AskProgress | CheckProgress | None = snapshot.report
-    if report is None:
-        return note("Loading the model…", share=0.0)
+    early = watching.before_reports(snapshot, "Loading the model…")
+    if snapshot is None or early is not None:
+        return early
+    report: AskProgress | CheckProgress = snapshot.report
     if isinstance(report, CheckProgress):
         return look_note(report)
     answered = report.n_stored + report.n_asked
@@ -208,16 +214,13 @@ def _progress(snapshot: Snapshot | None) -> Any:
 
 
 def _headline(state: JobState, report: AskProgress) -> str:
-    if state is JobState.STOPPING:
-        return "Stopping…"
     if state is JobState.STOPPED:
         return "Stopped. What was answered is kept; ask again to go on."
     if state is JobState.DONE:
         if report.n_failed:
             return "Done, but some calls failed. Ask again: only these are asked."
         return "Done: every question is answered. Next: Optimize."
-    left = "" if report.seconds_left is None else f", about {duration(report.seconds_left)} left"
-    return f"Asking{left}"
+    return f"Asking{watching.left(report.seconds_left)}"
 
 
 def _tone(state: JobState, report: AskProgress) -> str:

@@ -9,7 +9,7 @@ import gradio as gr
 from vqa_state import models
 from vqa_state.checking import CheckProgress, check_model
 from vqa_state.errors import ModelError, VQAStateError
-from vqa_state.jobs import Snapshot, StopFlag, Work
+from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.models.address import Device, ModelAddress, Precision, Source
 from vqa_state.models.approval import check_approved, is_approved
 from vqa_state.models.hub import download
@@ -63,7 +63,7 @@ def build() -> Parts:
             "Which models has it?", elem_id="model-offers", visible=False, scale=0, min_width=210
         )
         look = gr.Button("Check: does it see?", elem_id="model-check", scale=0, min_width=210)
-        stop = gr.Button("Stop", elem_id="model-stop", interactive=False, scale=0)
+        stop = gr.Button("Stop", elem_id="model-stop", visible=False, scale=0)
     progress = widgets.note("model-progress")
     with gr.Accordion("Advanced: how a local model runs, and its prompt", open=False):
         gr.Markdown("All of this can change answers, so other choices need other answers.")
@@ -209,8 +209,10 @@ def _checking(desk: Desk, name: str) -> Work:
 
 
 def view(_desk: Desk, _pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
-    """Progress, check and stop."""
-    return progress_note(snapshot), *watching.buttons(snapshot)
+    """Progress, check, and stop, which is there only while it can stop something."""
+    start, _ = watching.buttons(snapshot)
+    can_stop = snapshot is not None and snapshot.state is JobState.RUNNING
+    return progress_note(snapshot), start, gr.Button(visible=can_stop)
 
 
 def _address(name: str) -> ModelAddress | None:

@@ -10,8 +10,9 @@ from vqa_state.models.hub import DownloadProgress
 from vqa_state.models.presets import PRESETS, Preset
 from vqa_state.models.sight import Sight
 from vqa_state.models.standing import Standing
+from vqa_state.web import watching
 from vqa_state.web.desk import Desk
-from vqa_state.web.views import duration, note
+from vqa_state.web.views import note
 
 __all__ = ["found_words", "kind_words", "preset_of", "progress_note"]
 
@@ -68,23 +69,21 @@ def found_words(desk: Desk, name: str) -> str:
 
 def progress_note(snapshot: Snapshot | None) -> Any:
     """How bringing, converting or looking at a model goes."""
-    if snapshot is None:
-        return note("")
-    if snapshot.state is JobState.FAILED:
-        return note(f"Failed: {snapshot.failure}", "bad")
-    report: CheckProgress | DownloadProgress | str | None = snapshot.report
+    early = watching.before_reports(snapshot, "Beginning…")
+    if snapshot is None or early is not None:
+        return early
+    report: CheckProgress | DownloadProgress | str = snapshot.report
     if snapshot.state is JobState.STOPPED:
         return note("Stopped. What came is kept.", "warn")
-    if report is None:
-        return note("Beginning…", share=0.0)
     if isinstance(report, str):
         return note(report, "good" if snapshot.state is JobState.DONE else "plain")
     if isinstance(report, DownloadProgress):
         return _downloaded(report, snapshot.state)
     if report.result is not None:
         return _checked(report.result)
+    left = watching.left(report.seconds_left)
     return note(
-        f"Showing it pictures: {report.n_done} of {report.n_total} calls",
+        f"Showing it pictures: {report.n_done} of {report.n_total} calls{left}",
         share=report.n_done / report.n_total,
     )
 
@@ -92,9 +91,8 @@ def progress_note(snapshot: Snapshot | None) -> Any:
 def _downloaded(report: DownloadProgress, state: JobState) -> Any:
     if state is JobState.DONE:
         return note("It is on this disk now.", "good")
-    left = report.seconds_left
     words = f"{report.n_bytes / 1e6:,.0f} of {report.total / 1e6:,.0f} MB"
-    words += "" if left is None else f", about {duration(left)} left"
+    words += watching.left(report.seconds_left)
     return note(words, share=report.n_bytes / report.total if report.total else 0.0)
 
 

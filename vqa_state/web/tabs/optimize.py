@@ -15,7 +15,7 @@ from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
 from vqa_state.search.proof import badge_sentence
 from vqa_state.searches import Results
-from vqa_state.tuning import OptimizeProgress, optimize, results
+from vqa_state.tuning import OptimizeProgress, is_optimized, optimize, results
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
@@ -34,6 +34,7 @@ ENGINES = {
     Engine.DEFAULT: "default: searches longer, then proves how good the best can be",
     Engine.PAPER: "paper: its one genetic search, nothing proved",
 }
+PROVING = "Proving how good the best can be. It ends by itself; a stop keeps the best so far."
 MAX_POINTS = 240
 
 Points = list[tuple[int, float, float]]
@@ -187,12 +188,18 @@ def searching(desk: Desk, pid: str) -> Work:
 def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, ...]:
     """Note, chart, start and stop."""
     buttons = watching.buttons(snapshot)
-    if snapshot is None or snapshot.report is None:
+    if snapshot is None or snapshot.report is None or _is_outdated(desk, pid, snapshot):
         said, chart = _saved(desk, pid)
-        if snapshot is not None and snapshot.state is JobState.FAILED:
-            said = note(f"Failed: {snapshot.failure}", "bad")
+        if snapshot is not None and snapshot.report is None:
+            said = watching.before_reports(snapshot, "Reading the answers…")
         return said, chart, *buttons
     return _said(snapshot), _live_chart(snapshot.report), *buttons
+
+
+def _is_outdated(desk: Desk, pid: str, snapshot: Snapshot) -> bool:
+    """Whether what a job found is of other answers or labels than the present ones."""
+    is_kept = snapshot.state in (JobState.DONE, JobState.STOPPED)
+    return is_kept and not is_optimized(desk.snapshot(pid))
 
 
 def _said(snapshot: Snapshot) -> Any:
@@ -206,12 +213,12 @@ def _said(snapshot: Snapshot) -> Any:
             return note(f"Stopped at {at}. The best so far is kept, and marked so.", "warn")
         case JobState.DONE:
             return note("Done. The recognizers are written; see Results.", "good")
-        case _ if progress.proving:
-            said = "; ".join(f"{one.value}: {p.sentence}" for one, p in progress.proofs.items())
-            return note(f"Proving how good the best can be: {said}", share=share)
         case JobState.STOPPING:
             return note(f"Stopping at {at}…", share=share)
-    return note(f"Searching: {at}", share=share)
+        case _ if progress.proving:
+            lines = [f"{one.value}: {p.sentence}" for one, p in progress.proofs.items()]
+            return note("\n".join([PROVING, *lines]))
+    return note(f"Searching: {at}{watching.left(progress.seconds_left)}", share=share)
 
 
 def _live_chart(report: Searching) -> Any:

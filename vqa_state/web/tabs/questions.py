@@ -1,5 +1,6 @@
 """Second stretch: the grid of questions, and questions of one's own."""
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -8,7 +9,7 @@ from typing import Any
 import gradio as gr
 
 from vqa_state.cues import with_cues
-from vqa_state.errors import QuestionError
+from vqa_state.errors import QuestionError, VQAStateError
 from vqa_state.questions import Article, Form, Question, QuestionGrid, StatePhrase, Wording
 from vqa_state.web import checks, widgets
 from vqa_state.web.desk import Desk
@@ -16,6 +17,19 @@ from vqa_state.web.page import Page
 from vqa_state.web.views import note, questions_value
 
 __all__ = ["Parts", "build", "wire"]
+
+ELSEWHERE = (
+    "Not saved: this field was changed in another window meanwhile. Reload the page to see it, "
+    "then change it again."
+)
+SEEN_JS = """(pid, filled, value) => {
+  const sent = (window.questionsSent ??= {})['AXIS'] ??= [];
+  const seen = filled ? [JSON.parse(filled)['AXIS'], ...sent] : [];
+  sent.push(value);
+  sent.splice(0, sent.length - 40);
+  return [pid, JSON.stringify(seen), value];
+}"""
+"""In the place of all that was filled in: what this page has seen in one field, the latest last."""
 
 FORMS = [("Is this door open?", Form.IS.value), ("Does this image look like …?", Form.DOES.value)]
 
@@ -84,16 +98,10 @@ def wire(parts: Parts, page: Page) -> None:
         for trigger in triggers:
             page.change(
                 trigger, partial(edit, axis), [parts.filled, field], [parts.note, parts.grid],
-                trigger_mode="always_last",
+                trigger_mode="always_last", js=SEEN_JS.replace("AXIS", axis),
             )  # fmt: skip
-    page.then_road(
-        page.on(
-            parts.cues.click,
-            add_cues,
-            [],
-            [parts.own_positive, parts.own_negative, parts.note, parts.grid],
-        )
-    )
+    own = [parts.own_positive, parts.own_negative]
+    page.change(parts.cues.click, add_cues, [], [*own, parts.note, parts.grid, parts.filled])
     page.then_road(page.on_data(parts.grid.switched, switch, (), [parts.note]))
 
 
@@ -101,59 +109,85 @@ def show(desk: Desk, pid: str) -> Any:
     """All fields, note and grid."""
     with desk.reading(pid) as project:
         grid, states = project.grid, project.states
+    said = _said(grid)
     return (
-        "\n".join(map(str, grid.wordings)),
-        gr.Textbox(_phrases(grid, 1), label=f"Words for “{states.positive}”"),
-        gr.Textbox(_phrases(grid, -1), label=f"Words for “{states.negative}”"),
-        [form.value for form in grid.forms],
-        [article.value for article in grid.articles],
-        gr.Textbox(_own(grid, 1), label=f"“Yes” speaks for “{states.positive}”"),
-        gr.Textbox(_own(grid, -1), label=f"“Yes” speaks for “{states.negative}”"),
+        said["wordings"],
+        gr.Textbox(said["positive"], label=f"Words for “{states.positive}”"),
+        gr.Textbox(said["negative"], label=f"Words for “{states.negative}”"),
+        said["forms"],
+        said["articles"],
+        gr.Textbox(said["own_positive"], label=f"“Yes” speaks for “{states.positive}”"),
+        gr.Textbox(said["own_negative"], label=f"“Yes” speaks for “{states.negative}”"),
         note(""),
-        questions_value(grid.build()),
-        pid,
+        questions_value(grid.build(), states),
+        json.dumps(said),
     )
 
 
-def edit(axis: str, desk: Desk, pid: str, filled: Any, value: Any) -> Any:
+def edit(axis: str, desk: Desk, pid: str, seen: Any, value: Any) -> Any:
     """Note and grid. What cannot be used yet is said, and the grid stays as it was.
 
     A field speaks for its own part of the grid only, and not before it was filled: an event that
-    comes while the page still opens must not empty the rest.
+    comes while the page still opens must not empty the rest. Nor may a page take back what it has
+    never seen, because another window changed it.
+
+    Args:
+        axis: of `AXES`.
+        desk: with the project.
+        pid: of the project.
+        seen: JSON list of what this page has seen in the field, the latest last.
+        value: what stands in the field now.
     """
-    if filled != pid:
+    known = checks.json_list(seen, "what the page has seen")
+    if not known or value == known[-1]:  # it was only passed through
         return gr.skip(), gr.skip()
     try:
         with desk.changing(pid) as project:
-            project.grid = AXES[axis](project.grid, value)
-            return note(""), questions_value(project.grid.build())
+            fresh = AXES[axis](project.grid, value)
+            if not any(_says(axis, project.grid, one) for one in (value, *reversed(known))):
+                return note(ELSEWHERE, "warn"), gr.skip()
+            project.grid = fresh
+            return note(""), questions_value(fresh.build(), project.states)
     except QuestionError as error:
         return note(f"Not saved yet: {error}.", "warn"), gr.skip()
 
 
+def _says(axis: str, grid: QuestionGrid, value: Any) -> bool:
+    """Whether the grid's part is what this value of the field makes it."""
+    try:
+        return bool(_said(AXES[axis](grid, value))[axis] == _said(grid)[axis])
+    except VQAStateError:
+        return False
+
+
 def add_cues(desk: Desk, pid: str) -> Any:
-    """Own questions, note and grid, with ready cues for the project's states."""
+    """Own questions, note, grid and what is filled in, with ready cues for the states."""
     try:
         with desk.changing(pid) as project:
             before = len(project.grid.custom)
             project.grid = with_cues(project.grid, project.states.positive)
             n_new, grid = len(project.grid.custom) - before, project.grid
     except QuestionError as error:
-        return gr.skip(), gr.skip(), note(f"No cue added: {error}.", "warn"), gr.skip()
-    said = f"{n_new} questions added; take out a line that does not fit."
-    return _own(grid, 1), _own(grid, -1), note(said), questions_value(grid.build())
+        said = note(f"No cue added: {error}.", "warn")
+        return gr.skip(), gr.skip(), said, gr.skip(), gr.skip()
+    said = note(f"{n_new} questions added; take out a line that does not fit.")
+    value = questions_value(grid.build(), project.states)
+    return _own(grid, 1), _own(grid, -1), said, value, json.dumps(_said(grid))
 
 
 def switch(desk: Desk, pid: str, data: Any) -> Any:
-    """Keep which questions are off; the grid shows it already."""
-    off = checks.json_object(data).get("off")
+    """Switch some questions on or off; the grid shows it already."""
+    sent = checks.json_object(data)
+    texts, on = sent.get("texts"), sent.get("on")
+    if not isinstance(texts, list) or not isinstance(on, bool):
+        raise checks.RequestError("to switch questions takes a list of their texts, and on or off")
     with desk.changing(pid) as project:
         built = project.grid.build()
         known = {question.text for question in (*built.questions, *built.switched_off)}
-        if not isinstance(off, list):
-            raise checks.RequestError("the questions to switch off must be a list of their texts")
-        texts = tuple(text for text in off if isinstance(text, str) and text in known)
-        project.grid = replace(project.grid, switched_off=texts)
+        meant = {text for text in texts if isinstance(text, str) and text in known}
+        others = [text for text in project.grid.switched_off if text not in meant]
+        off = [*others] if on else [*others, *(text for text in texts if text in meant)]
+        project.grid = replace(project.grid, switched_off=tuple(dict.fromkeys(off)))
     return note("")
 
 
@@ -195,6 +229,19 @@ AXES: dict[str, Callable[[QuestionGrid, Any], QuestionGrid]] = {
     "own_negative": partial(_with_own, -1),
 }
 """How each field changes the grid, in the order of `Parts.fields`."""
+
+
+def _said(grid: QuestionGrid) -> dict[str, Any]:
+    """What stands in each field, by its axis."""
+    return {
+        "wordings": "\n".join(map(str, grid.wordings)),
+        "positive": _phrases(grid, 1),
+        "negative": _phrases(grid, -1),
+        "forms": [form.value for form in grid.forms],
+        "articles": [article.value for article in grid.articles],
+        "own_positive": _own(grid, 1),
+        "own_negative": _own(grid, -1),
+    }
 
 
 def _phrases(grid: QuestionGrid, yes_means: int) -> str:

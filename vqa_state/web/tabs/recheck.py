@@ -17,7 +17,8 @@ from vqa_state.web.desk import Desk
 from vqa_state.web.looking import look_first, look_note, with_told
 from vqa_state.web.page import Page
 from vqa_state.web.tabs.model import HINT, listed
-from vqa_state.web.views import duration, note
+from vqa_state.web.tabs.optimize import PROVING
+from vqa_state.web.views import note
 
 __all__ = ["Parts", "build", "wire"]
 
@@ -125,15 +126,12 @@ def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any
 
 
 def _progress(snapshot: Snapshot | None) -> Any:
-    if snapshot is None:
-        return note("")
-    if snapshot.state is JobState.FAILED:
-        return note(f"Failed: {snapshot.failure}", "bad")
+    early = watching.before_reports(snapshot, "Loading the model…")
+    if snapshot is None or early is not None:
+        return early
     if snapshot.state is JobState.STOPPED:
         return note("Stopped. What was answered is kept.", "warn")
-    report: AskProgress | CheckProgress | OptimizeProgress | Rechecked | None = snapshot.report
-    if report is None:
-        return note("Loading the model…", share=0.0)
+    report: AskProgress | CheckProgress | OptimizeProgress | Rechecked = snapshot.report
     if isinstance(report, CheckProgress):
         return look_note(report)
     if isinstance(report, Rechecked):
@@ -141,11 +139,12 @@ def _progress(snapshot: Snapshot | None) -> Any:
     if snapshot.state is JobState.DONE:
         return note("Done: the recognizers are of the other model now. See Results.", "good")
     if isinstance(report, AskProgress):
-        left = report.seconds_left
-        words = "" if left is None else f", about {duration(left)} left"
-        share = (report.n_calls - report.n_left) / max(1, report.n_calls)
-        return note(f"Asking {report.n_calls:,} questions{words}", share=share)
-    return note("Choosing questions", share=report.generation / max(1, report.total))
+        words = f"Asking {report.n_calls:,} questions{watching.left(report.seconds_left)}"
+        return note(words, share=(report.n_calls - report.n_left) / max(1, report.n_calls))
+    if report.proving:
+        return note(PROVING)
+    left = watching.left(report.seconds_left)
+    return note(f"Choosing questions{left}", share=report.generation / max(1, report.total))
 
 
 def _found(report: Rechecked) -> Any:
