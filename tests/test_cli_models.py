@@ -169,3 +169,35 @@ def test_a_preset_with_old_weights_says_how_to_convert_it(run, tmp_path, monkeyp
     monkeypatch.setattr("vqa_state.cli.choosing.PRESETS", (one,))
     _, out, _ = run("models", "list")
     assert f"to be converted once with: python -m vqa_state models convert folder:{old}" in out
+
+
+def test_an_approved_model_is_usable_only_where_it_is(run, folder, tmp_path):
+    nowhere, here, old = (tmp_path / name for name in ("nowhere", "here", "old"))
+    for place, weights in ((here, "model.safetensors"), (old, "pytorch_model.bin")):
+        place.mkdir()
+        (place / "config.json").write_text('{"model_type": "blip"}')
+        (place / weights).write_bytes(b"")
+    assert run("ask", folder, "--model", f"folder:{nowhere}")[0] == 1
+    for address in (f"folder:{here}", f"folder:{old}", "server:http://127.0.0.1:9/v1#m"):
+        assert run("models", "approve", address)[0] == 0
+    _, out, _ = run("models", "list")
+    said = {line.split()[0]: line for line in out.splitlines() if "approved" in line}
+    assert said[f"folder:{nowhere}"].endswith("approved, not on this disk")
+    assert said[f"folder:{here}"].endswith("approved, usable now")
+    assert "approved, on this disk, to be converted once" in said[f"folder:{old}"]
+    assert "approved, on a server" in said["server:http://127.0.0.1:9/v1#m"]
+    assert [line.split()[0] for line in out.splitlines() if line.endswith(" usable now")] == [
+        "embedded",
+        f"folder:{here}",
+    ]
+    document = json.loads(run("models", "list", "--json")[1])
+    assert f"folder:{nowhere}" not in document["usable"]
+    assert {"address": f"folder:{nowhere}", "standing": "absent"} in document["approved"]
+
+
+def test_a_list_of_approved_models_that_holds_no_address_is_still_listed(run, data_home):
+    data_home.mkdir()
+    (data_home / "approved_models.json").write_text('["no address", "folder:"]')
+    code, out, _ = run("models", "list")
+    assert code == 0
+    assert out.count("approved, not on this disk") == 2

@@ -51,9 +51,10 @@ def list_command(
     if server is not None:
         _list_server(server, as_json)
         return
-    own = [*models.names(), *approved()]
-    stands = {one.address: standing(ModelAddress.parse(one.address)) for one in PRESETS}
-    lines = [f"{name:45} usable now" for name in own]
+    own = {address: _standing(address) for address in approved()}
+    stands = {one.address: _standing(one.address) for one in PRESETS}
+    lines = [f"{name:45} usable now" for name in models.names()]
+    lines += [f"{address:45} {_approved_words(address, own[address])}" for address in own]
     lines += [f"{one.address:45} {_words(one, stands[one.address])}" for one in PRESETS]
     rows = [
         asdict(one)
@@ -66,7 +67,37 @@ def list_command(
         }
         for one in PRESETS
     ]
-    tell(as_json, {"usable": own, "presets": rows}, "\n".join(lines))
+    record = {
+        "usable": [*models.names(), *(one for one in own if own[one] is Standing.READY)],
+        "approved": [{"address": one, "standing": own[one].value} for one in own],
+        "presets": rows,
+    }
+    tell(as_json, record, "\n".join(lines))
+
+
+def _standing(address: str) -> Standing:
+    """How far a model is; what is no address (a changed list of approved ones) is nowhere."""
+    try:
+        return standing(ModelAddress.parse(address))
+    except ModelError:
+        return Standing.ABSENT
+
+
+def _approved_words(address: str, stands: Standing) -> str:
+    if stands is Standing.READY and address.startswith(f"{Source.SERVER.value}:"):
+        return "approved, on a server; `models list --server URL` asks if it is there"
+    if stands is Standing.READY:
+        return "approved, usable now"
+    return f"approved, {_where(stands, address)}"
+
+
+def _where(stands: Standing, address: str) -> str:
+    return {
+        Standing.READY: "on this disk",
+        Standing.ABSENT: "not on this disk",
+        Standing.OLD_WEIGHTS: "on this disk, to be converted once with: "
+        f"python -m vqa_state models convert {address}",
+    }[stands]
 
 
 def _list_server(url: str, as_json: bool) -> None:
@@ -77,13 +108,11 @@ def _list_server(url: str, as_json: bool) -> None:
 
 
 def _words(preset: Preset, stands: Standing) -> str:
-    where = {
-        Standing.READY: "on this disk",
-        Standing.ABSENT: "not on this disk",
-        Standing.OLD_WEIGHTS: "on this disk, to be converted once with: "
-        f"python -m vqa_state models convert {preset.address}",
-    }[stands]
-    words = [where, f"{preset.megabytes():,} MB in float32", preset.licence]
+    words = [
+        _where(stands, preset.address),
+        f"{preset.megabytes():,} MB in float32",
+        preset.licence,
+    ]
     words += [one for one in (preset.requirements, preset.remark) if one]
     return "; ".join(words)
 
