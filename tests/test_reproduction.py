@@ -2,26 +2,35 @@
 
 import dataclasses
 import hashlib
+import shutil
 from pathlib import Path
 
 import pytest
+from pictures import picture
+from scipy.stats import binomtest
 
 from vqa_state.answers import Answer
+from vqa_state.cli import reproducing
 from vqa_state.embedded.experiments import questions_about
 from vqa_state.errors import ProjectError
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.project import Project
+from vqa_state.questions import Form
 from vqa_state.reproduction.page import write_report
-from vqa_state.reproduction.paper import EXPERIMENTS, SUBSETS, paper_tables
+from vqa_state.reproduction.paper import EXPERIMENTS, REPEATED, SUBSETS, paper_tables
 from vqa_state.reproduction.running import Finished, copy_projects, run
 from vqa_state.reproduction.tables import (
+    Finding,
     experiment_frame,
     identity_holds,
     remarks,
+    shown,
     total_frame,
 )
+from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
+from vqa_state.voting.kinds import VoteKind
 
 SAMPLES = Path(__file__).parent.parent / "projects"
 SMALL = SearchSettings(population=30, generations=4)
@@ -79,7 +88,9 @@ class TestRun:
         done = finished(folders, model)
         paths = write_report(tmp_path, "a <model>", done)
         assert [path.name for path in paths] == ["tables.csv", "tables.md", "index.html"]
-        assert "various doors" in (tmp_path / "tables.md").read_text()
+        text = (tmp_path / "tables.md").read_text()
+        assert "they count twice in `recognized` of `images`" in text
+        assert "- Cannot be told from luck here: `is` questions" in text
         page = (tmp_path / "index.html").read_text()
         assert "a &lt;model&gt;" in page
         assert "&lt;b&gt;door&lt;/b&gt;" in page
@@ -163,6 +174,24 @@ class TestTables:
         assert total.loc["s+", "paper_recognized"] == 20 + 76
         assert total.loc["s+", "p_value"] == 1  # against itself
 
+    def test_statistics_count_each_picture_once(self, found):
+        """Various doors shows the pictures of other experiments: it adds to the counts alone."""
+        total, alone = total_frame(found), total_frame({"door": found["door"]})
+        once = ["distinct", "distinct_images", "low", "high", "only_s_plus", "only_this", "p_value"]
+        assert total[once].equals(alone[once])
+        assert (alone["distinct"] == alone["recognized"]).all()
+        assert list(total["images"]) == [8] * 4
+        assert list(total["distinct_images"]) == [4] * 4
+        exact = binomtest(int(alone["distinct"][0]), 4).proportion_ci(0.95, "exact")
+        assert total["low"][0] == round(4 * exact.low, 1)
+        assert total["high"][0] == round(4 * exact.high, 1)
+
+    def test_a_person_reads_no_nan_and_no_whole_number_with_a_point(self, found):
+        cells = {cell for row in shown(total_frame(found)).itertuples(index=False) for cell in row}
+        assert all(isinstance(cell, str) for cell in cells)
+        assert "–" in cells  # the paper's best single questions
+        assert not [cell for cell in cells if cell == "nan" or cell.endswith(".0")]
+
     def test_the_identity_is_checked_on_our_numbers(self, found):
         one = found["door"]
         assert identity_holds(one)
@@ -175,8 +204,52 @@ class TestTables:
         evaluation = dataclasses.replace(one.evaluation, rows=rows)
         assert not identity_holds(dataclasses.replace(one, evaluation=evaluation))
 
-    def test_remarks_say_what_holds(self, found):
-        assert [type(remark.holds) for remark in remarks(found)] == [bool] * 3
+    def test_a_remark_says_if_it_cannot_be_told_from_luck(self, found):
+        """One experiment with pictures of its own tells nothing, whatever its rates are."""
+        of_invalid, of_accuracy, of_wording = remarks(found)
+        assert of_invalid.finding is of_accuracy.finding is Finding.LUCK
+        assert "of 1 experiments" in of_accuracy.numbers
+        assert "p = 1.000" in of_accuracy.sentence
+        assert of_accuracy.sentence.startswith("Cannot be told from luck here: `is` questions")
+        assert of_wording.finding is Finding.NOT_ASKED
+
+    @pytest.mark.parametrize(
+        ("n_more", "n_less", "finding", "p"),
+        [
+            (3, 4, Finding.LUCK, "1.000"),
+            (5, 0, Finding.LUCK, "0.062"),  # 2 / 2^5
+            (6, 0, Finding.HOLDS, "0.031"),  # 2 / 2^6
+            (0, 6, Finding.DOES_NOT_HOLD, "0.031"),
+            (9, 1, Finding.HOLDS, "0.021"),  # 2 (1 + 10) / 2^10
+            (8, 2, Finding.LUCK, "0.109"),  # 2 (1 + 10 + 45) / 2^10
+            (0, 0, Finding.LUCK, "1.000"),
+        ],
+    )
+    def test_the_sign_test_decides(self, found, n_more, n_less, finding, p):
+        rates = [(0.2, 0.1)] * n_more + [(0.1, 0.2)] * n_less + [(0.1, 0.1)] * 3
+        named = {
+            f"{number}": with_rates(found["door"], *pair) for number, pair in enumerate(rates)
+        } | {"various_doors": with_rates(found["door"], 0.9, 0.0)}  # it is not asked
+        remark = remarks(named)[0]
+        assert remark.finding is finding
+        n = len(rates)
+        assert f"p = {p}, two-sided sign test; higher for `is` in {n_more} of {n}" in remark.numbers
+        assert f"lower in {n_less}, equal in 3" in remark.numbers
+
+
+def with_rates(found, of_is, of_does):
+    """The same results with other shares of Invalid answers."""
+    rates = {"s_is": of_is, "s_does": of_does}
+    rows = tuple(
+        dataclasses.replace(
+            row,
+            test=dataclasses.replace(
+                row.test, R_invalid=rates.get(row.name.value, row.test.R_invalid)
+            ),
+        )
+        for row in found.evaluation.rows
+    )
+    return dataclasses.replace(found, evaluation=dataclasses.replace(found.evaluation, rows=rows))
 
 
 class TestSamples:
@@ -196,6 +269,15 @@ class TestSamples:
         assert len(project.questions()) == n_questions
         assert project.questions() == questions_about(name)
 
+    def test_various_doors_alone_shows_pictures_of_others(self):
+        tested = {
+            name: {image.id for image in Project.open(SAMPLES / name).labelled(Split.TEST)}
+            for name in EXPERIMENTS
+        }
+        doors = [tested[name] for name in ("door", "elevator", "cabinet", "refrigerator")]
+        assert tested.pop(REPEATED) == set().union(*doors)
+        assert len(set().union(*tested.values())) == sum(map(len, tested.values())) == 200
+
     @pytest.mark.parametrize("name", EXPERIMENTS)
     def test_no_picture_is_on_both_sides(self, name):
         project = Project.open(SAMPLES / name)
@@ -208,17 +290,110 @@ class TestSamples:
         assert project.test_looks == 0
 
 
-def test_copies_are_made_once_and_leave_the_samples_alone(tmp_path):
-    before = (SAMPLES / "door" / "project.json").read_bytes()
-    (folder,) = copy_projects(SAMPLES, tmp_path, ["door"])
+@pytest.fixture
+def copied(tmp_path):
+    """A sample and a finished-looking copy of it: what a run sets itself is not the sample's."""
+    source = tmp_path / "samples"
+    for name in ("door", "light"):
+        shutil.copytree(SAMPLES / name, source / name)
+    folder, _ = copy_projects(source, tmp_path / "out", ["door", "light"])
     project = Project.open(folder)
-    project.name = "changed"
+    project.model, project.fingerprint, project.search_seed = "other", "f", 3
+    project.engine, project.test_looks, project.vote = Engine.PAPER, 2, VoteKind.THRESHOLD
     project.save()
-    copy_projects(SAMPLES, tmp_path, ["door"])
-    assert Project.open(folder).name == "changed"
-    assert (SAMPLES / "door" / "project.json").read_bytes() == before
+    return source, tmp_path / "out"
+
+
+def test_a_copy_of_the_same_is_kept_and_the_samples_are_left_alone(copied):
+    source, out = copied
+    before = (source / "door" / "project.json").read_bytes()
+    folder, _ = copy_projects(source, out, ["door", "light"])
+    assert Project.open(folder).test_looks == 2
+    assert (source / "door" / "project.json").read_bytes() == before
+
+
+def renamed(project):
+    project.name = "refrigerator"
+
+
+def with_another_image(project):
+    project.add(picture(5), "5.png", 1)
+
+
+def with_another_label(project):
+    project.set_labels([next(iter(project.images))], None)
+
+
+def with_another_side(project):
+    project.set_splits([next(iter(project.images))], Split.UNUSED)
+
+
+def with_another_grid(project):
+    project.grid = dataclasses.replace(project.grid, forms=(Form.IS,))
+
+
+def with_fewer_copies(project):
+    project.augmentation = dataclasses.replace(project.augmentation, n_copies=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "differs"),
+    [
+        (renamed, "name"),
+        (with_another_image, "images"),
+        (with_another_label, "images"),
+        (with_another_side, "images"),
+        (with_another_grid, "grid"),
+        (with_fewer_copies, "augmentation"),
+    ],
+)
+@pytest.mark.parametrize("where", ["copy", "sample"])
+def test_another_project_or_a_stale_copy_is_refused_and_left_as_it_is(
+    copied, change, differs, where
+):
+    source, out = copied
+    project = Project.open((source if where == "sample" else out) / "door")
+    change(project)
+    project.save()
+    shutil.rmtree(out / "light")
+    before = (out / "door" / "project.json").read_bytes()
+    with pytest.raises(
+        ProjectError, match=f"{differs} differ. .* choose another folder with --out"
+    ):
+        copy_projects(source, out, ["light", "door"])
+    assert (out / "door" / "project.json").read_bytes() == before
+    assert not (out / "light").exists()  # all is looked at before anything is copied
+
+
+def test_the_folder_of_the_samples_is_refused(copied, monkeypatch):
+    source, out = copied
+    monkeypatch.chdir(source)
+    for place in (source, source / "mine", Path(), source / "door" / ".."):
+        with pytest.raises(ProjectError, match="folder of the samples"):
+            copy_projects(source, place, ["door"])
+    shutil.rmtree(out / "door")
+    (out / "door").symlink_to(source / "door")
+    with pytest.raises(ProjectError, match="folder of the samples"):
+        copy_projects(source, out, ["door"])
 
 
 def test_a_missing_project_is_named(tmp_path):
     with pytest.raises(ProjectError, match="door"):
-        copy_projects(tmp_path, tmp_path / "out", ["door"])
+        copy_projects(tmp_path / "samples", tmp_path / "out", ["door"])
+
+
+def test_the_command_prints_a_table_to_read(run, make_project, tmp_path, registry, monkeypatch):
+    for name in ("door", "various_doors"):
+        project = make_project(f"samples/{name}", n_train=2, n_test=2)
+        project.search = SMALL
+        project.save()
+    registry["pixels"] = lambda: ScriptedModel(by_pixels)
+    monkeypatch.setattr(reproducing, "EXPERIMENTS", ("door", "various_doors"))
+    where = ["--out", tmp_path / "out", "--projects", tmp_path / "samples", "--model", "pixels"]
+    code, out, err = run("reproduce", *where)
+    assert code == 0
+    assert "96" in out.split()  # of the paper's 20 + 80 images, not "96.0"
+    assert "nan" not in out
+    assert "count each picture once: without various doors" in " ".join(err.split())
+    code, _, err = run("reproduce", "--out", tmp_path / "samples", *where[2:])
+    assert (code, "folder of the samples" in " ".join(err.split())) == (1, True)

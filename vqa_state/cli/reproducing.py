@@ -15,7 +15,7 @@ from vqa_state.cli.terminal import interruptible, print_table, say
 from vqa_state.reproduction.page import write_report
 from vqa_state.reproduction.paper import EXPERIMENTS
 from vqa_state.reproduction.running import Finished, Step, copy_projects, run
-from vqa_state.reproduction.tables import total_frame
+from vqa_state.reproduction.tables import shown, total_frame
 
 __all__ = ["reproduce"]
 
@@ -55,7 +55,11 @@ def reproduce(
     for path in write_report(out, vqa_model.fingerprint, finished):
         say(f"written: {path}")
     found = {one.project.folder.name: one.results for one in finished}
-    print_table(total_frame(found), "Recognized test images, all experiments together")
+    print_table(shown(total_frame(found)), "Recognized test images, all experiments together")
+    say(
+        "distinct, low, high and what follows count each picture once: without various doors, "
+        "whose pictures are those of the four door experiments"
+    )
     say("the paper's numbers are of another model on other images; see index.html")
 
 

@@ -15,6 +15,7 @@ from vqa_state.reproduction.tables import (
     experiment_frame,
     identity_holds,
     remarks,
+    shown,
     total_frame,
 )
 from vqa_state.splits import Split
@@ -26,7 +27,9 @@ _CAUTION = (
     "The paper's numbers are those of another model (OFA) on the authors' photos; ours are those "
     "of the model named above on rendered pictures. They stand side by side to show the same "
     "method at work, not to say which is better. Intervals are exact, 95 %, of our test images. "
-    "The pictures of various doors are those of the four door experiments."
+    "The pictures of various doors are those of the four door experiments: they count twice in "
+    "`recognized` of `images`, as in the paper's total, and once in `distinct` of "
+    "`distinct_images`, of which the total's intervals and p-values are."
 )
 
 _STYLE = """
@@ -76,11 +79,7 @@ class _Facts:
         self.model = model
         self.frames = frames
         self.total = total
-        self.remarks = [
-            f"{'Holds' if remark.holds else 'Does not hold'} here: {remark.claim} "
-            f"({remark.numbers})."
-            for remark in remarks
-        ]
+        self.remarks = [remark.sentence for remark in remarks]
         self.identity = (
             "R_invalid(all) differs from the mean of both forms in: " + ", ".join(broken_identity)
             if broken_identity
@@ -109,21 +108,13 @@ def _as_markdown(frame: pd.DataFrame) -> str:
 
 
 def _cells(frame: pd.DataFrame) -> list[list[str]]:
-    return [[_shown(value) for value in record] for record in frame.itertuples(index=False)]
-
-
-def _shown(value: object) -> str:
-    if value is None or (isinstance(value, float) and value != value):
-        return "–"
-    if isinstance(value, float):
-        return f"{value:.0f}" if value == int(value) and abs(value) > 1 else f"{value:.3g}"
-    return str(value)
+    return [list(record) for record in shown(frame).itertuples(index=False)]
 
 
 def _html(facts: _Facts, finished: Sequence[Finished]) -> str:
     parts = [
         "<h1>The paper's experiments</h1>",
-        f"<p>Model: <code>{escape(facts.model)}</code></p><p>{escape(_CAUTION)}</p>",
+        f"<p>Model: <code>{escape(facts.model)}</code></p><p>{_said(_CAUTION)}</p>",
         "<h2>All experiments together</h2>",
         _as_html(facts.total),
         "<h2>What the paper saw in its model</h2><ul>",

@@ -39,31 +39,64 @@ class Step:
     progress: AskProgress | OptimizeProgress | Finished
 
 
+#: What makes an experiment; the rest a run sets itself, or no table shows it.
+_EXPERIMENT = ("name", "states", "images", "grid", "seed", "augmentation", "search", "weights")
+
+
 def copy_projects(source: Path, out: Path, names: Sequence[str]) -> list[Path]:
-    """Copy projects below `out`, without answers; one that is there already is kept.
+    """Copy projects below `out`, without answers; a copy of the same that is there is kept.
+
+    All is looked at before anything is copied.
 
     Raises:
-        ProjectError: if a project is missing or cannot be copied.
+        ProjectError: if `out` lies in `source`, a project is missing or cannot be copied, or
+            another project, or a copy of what the source was once, stands where a copy would.
     """
-    folders = []
-    for name in names:
-        folder = out / name
+    folders = [out / name for name in names]
+    for folder in (out, *folders):
+        _check_outside(folder, source)
+    for name, folder in zip(names, folders, strict=True):
+        original = Project.open(source / name)  # says what is wrong with it
+        if (folder / "project.json").exists():
+            _check_same(Project.open(folder), original)
+    for name, folder in zip(names, folders, strict=True):
         if not (folder / "project.json").exists():
-            Project.open(source / name)  # says what is wrong with it before anything is copied
-            unfinished = out / f".{name}.part"
-            try:
-                shutil.rmtree(unfinished, ignore_errors=True)
-                (unfinished / "images").parent.mkdir(parents=True, exist_ok=True)
-                shutil.copytree(source / name / "images", unfinished / "images")
-                shutil.copy(source / name / "project.json", unfinished)
-                unfinished.rename(folder)
-            except OSError as error:
-                raise ProjectError(
-                    f"cannot copy {source / name} to {folder} ({error.strerror}); free some space "
-                    "or choose another folder with --out"
-                ) from error
-        folders.append(folder)
+            _copy(source / name, folder)
     return folders
+
+
+def _check_outside(folder: Path, source: Path) -> None:
+    """The samples are never changed, by whatever name or link one comes to them."""
+    if folder.resolve().is_relative_to(source.resolve()):
+        raise ProjectError(
+            f"{folder} is the folder of the samples ({source}) or in it, and a run changes its "
+            "copies; choose another folder with --out"
+        )
+
+
+def _check_same(copy: Project, original: Project) -> None:
+    differing = [one for one in _EXPERIMENT if getattr(copy, one) != getattr(original, one)]
+    if differing:
+        raise ProjectError(
+            f"{copy.folder} holds a project that is no copy of {original.folder}: "
+            f"{', '.join(differing)} differ. It is left as it is; choose another folder with "
+            "--out, or move this one away to copy the sample anew"
+        )
+
+
+def _copy(original: Path, folder: Path) -> None:
+    unfinished = folder.with_name(f".{folder.name}.part")
+    try:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        unfinished.mkdir(parents=True)
+        shutil.copytree(original / "images", unfinished / "images")
+        shutil.copy(original / "project.json", unfinished)
+        unfinished.rename(folder)
+    except OSError as error:
+        raise ProjectError(
+            f"cannot copy {original} to {folder} ({error.strerror}); free some space or choose "
+            "another folder with --out"
+        ) from error
 
 
 def run(

@@ -1,20 +1,47 @@
-"""The paper's tables with ours beside them, the totals, and whether its three remarks hold here."""
+"""The paper's tables with ours beside them, the totals, and whether its three remarks hold here.
+
+The pictures of various doors are those of the four door experiments: tables and counts hold it, as
+the paper's do, but intervals and tests leave it out, for they take pictures to be independent.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import pandas as pd
 from scipy.stats import binomtest
 
-from vqa_state.evaluation import CONFIDENCE, Candidate, Row, paired_test
-from vqa_state.reproduction.paper import BEST_QUESTION_OF_VARIOUS_DOORS, SUBSETS, paper_tables
+from vqa_state.evaluation import CONFIDENCE, Candidate, Row, exact_interval, paired_test
+from vqa_state.reproduction.paper import (
+    BEST_QUESTION_OF_VARIOUS_DOORS,
+    REPEATED,
+    SUBSETS,
+    paper_tables,
+)
 from vqa_state.scores import SubsetScore
 from vqa_state.searches import Results
 
-__all__ = ["Remark", "experiment_frame", "identity_holds", "remarks", "total_frame"]
+__all__ = [
+    "Finding",
+    "Remark",
+    "experiment_frame",
+    "identity_holds",
+    "remarks",
+    "shown",
+    "total_frame",
+]
 
-#: R_invalid(all) is the mean of the two forms' in exact arithmetic; floats differ by less.
+#: Rates that are equal in exact arithmetic differ by less in floats.
 _ROUNDING = 1e-9
+
+
+class Finding(StrEnum):
+    """What our experiments say to a claim of the paper's."""
+
+    HOLDS = "holds here"
+    DOES_NOT_HOLD = "does not hold here"
+    LUCK = "cannot be told from luck here"
+    NOT_ASKED = "cannot be told here"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +49,13 @@ class Remark:
     """Something that the paper saw in its model, and whether ours shares it."""
 
     claim: str
-    holds: bool
+    finding: Finding
     numbers: str
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one sentence."""
+        return f"{self.finding.capitalize()}: {self.claim} ({self.numbers})."
 
 
 def experiment_frame(name: str, found: Results) -> pd.DataFrame:
@@ -64,26 +96,32 @@ def experiment_frame(name: str, found: Results) -> pd.DataFrame:
 
 
 def total_frame(found: Mapping[str, Results]) -> pd.DataFrame:
-    """Recognized test images of all experiments together, ours with exact 95 % intervals.
+    """Recognized test images of all experiments together.
 
-    The images of various doors are those of the four door experiments, so they count twice, in the
-    paper's total as in ours. The last columns compare s+ with each other row on the same images.
+    The pictures of various doors are those of the four door experiments. They count twice in
+    `recognized` and `images`, as in the paper's total, and once in all that follows: `distinct` of
+    `distinct_images` are recognized, `low` to `high` is the exact 95 % interval of `distinct`, and
+    the last columns compare s+ with each other row on these images.
     """
     frame = pd.concat([experiment_frame(name, one) for name, one in found.items()])
+    once = _each_picture_once(found)
     records = []
     for subset in ("s+", "s-", "s_all", Candidate.BEST_QUESTION.value):
         own = frame[frame["subset"] == subset]
-        n_recognized, n_images = int(own["recognized"].sum()), int(own["images"].sum())
-        exact = binomtest(n_recognized, n_images).proportion_ci(CONFIDENCE, "exact")
+        distinct = own[own["experiment"] != REPEATED]
+        n_recognized, n_images = int(distinct["recognized"].sum()), int(distinct["images"].sum())
+        exact = exact_interval(n_recognized, n_images)
         known = own["paper_recognized"].notna().all()
-        only_first, only_second, p_value = _compared(found, subset)
+        only_first, only_second, p_value = _compared(once, subset)
         records.append(
             {
                 "subset": subset,
                 "paper_recognized": int(own["paper_recognized"].sum()) if known else None,
                 "paper_images": int(own["paper_images"].sum()) if known else None,
-                "recognized": n_recognized,
-                "images": n_images,
+                "recognized": int(own["recognized"].sum()),
+                "images": int(own["images"].sum()),
+                "distinct": n_recognized,
+                "distinct_images": n_images,
                 "low": round(exact.low * n_images, 1),
                 "high": round(exact.high * n_images, 1),
                 "only_s_plus": only_first,
@@ -92,6 +130,24 @@ def total_frame(found: Mapping[str, Results]) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(records)
+
+
+def shown(frame: pd.DataFrame) -> pd.DataFrame:
+    """The same table in texts, as a person reads it: "–" where there is no number."""
+    return frame.astype(object).map(_shown)
+
+
+def _shown(value: object) -> str:
+    if value is None or (isinstance(value, float) and value != value):
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.0f}" if value == int(value) else f"{value:.3g}"
+    return str(value)
+
+
+def _each_picture_once(found: Mapping[str, Results]) -> dict[str, Results]:
+    """The experiments that share no picture, which statistics may take for independent."""
+    return {name: one for name, one in found.items() if name != REPEATED}
 
 
 def remarks(found: Mapping[str, Results]) -> list[Remark]:
@@ -119,22 +175,32 @@ def _more_accurate(found: Mapping[str, Results]) -> Remark:
 def _both_forms(
     found: Mapping[str, Results], value: Callable[[SubsetScore], float]
 ) -> list[tuple[float, float]]:
-    """A test score of s_is and of s_does, for every experiment."""
-    rows = [_rows(one) for one in found.values()]
+    """A test score of s_is and of s_does, for every experiment with pictures of its own."""
+    rows = [_rows(one) for one in _each_picture_once(found).values()]
     return [(value(_tested(row["s_is"])), value(_tested(row["s_does"]))) for row in rows]
 
 
 def _forms_remark(claim: str, what: str, pairs: Sequence[tuple[float, float]]) -> Remark:
-    """It holds if the mean over the experiments is higher for `is`."""
+    """An exact two-sided sign test over the experiments says whether `is` is higher, or lower."""
     n = len(pairs)
+    if not n:
+        return Remark(claim, Finding.NOT_ASKED, "no experiment has pictures of its own")
     of_is, of_does = (sum(values) / n for values in zip(*pairs, strict=True))
-    more = sum(first > second for first, second in pairs)
-    equal = sum(first == second for first, second in pairs)
+    more = sum(first > second + _ROUNDING for first, second in pairs)
+    less = sum(second > first + _ROUNDING for first, second in pairs)
+    p_value = float(binomtest(more, more + less).pvalue) if more + less else 1.0
     numbers = (
-        f"mean {what} {of_is:.3f} against {of_does:.3f}; "
-        f"higher for `is` in {more} of {n} experiments, equal in {equal}"
+        f"p = {p_value:.3f}, two-sided sign test; higher for `is` in {more} of {n} experiments, "
+        f"lower in {less}, equal in {n - more - less}; mean {what} {of_is:.3f} against "
+        f"{of_does:.3f}; without {REPEATED}, whose pictures are those of others"
     )
-    return Remark(claim, of_is > of_does, numbers)
+    return Remark(claim, _finding(more, less, p_value), numbers)
+
+
+def _finding(more: int, less: int, p_value: float) -> Finding:
+    if p_value >= 1 - CONFIDENCE:
+        return Finding.LUCK
+    return Finding.HOLDS if more > less else Finding.DOES_NOT_HOLD
 
 
 def _one_wording(found: Mapping[str, Results]) -> Remark:
@@ -144,13 +210,16 @@ def _one_wording(found: Mapping[str, Results]) -> Remark:
         if len({question.wording for question in questions}) > 1:
             chosen = _rows(one)["s+"].subset
             n_wordings[name] = len({questions[number].wording for number in chosen})
+    claim = "the optimized questions of one experiment all use the same wording"
+    if not n_wordings:
+        return Remark(claim, Finding.NOT_ASKED, "no experiment has several wordings")
     alone = [name for name, n in n_wordings.items() if n == 1]
     numbers = (
         f"s+ keeps to one wording in {len(alone)} of {len(n_wordings)} experiments that have "
         "several: " + ", ".join(f"{name} uses {n}" for name, n in n_wordings.items())
     )
-    claim = "the optimized questions of one experiment all use the same wording"
-    return Remark(claim, len(alone) == len(n_wordings), numbers)
+    holds = len(alone) == len(n_wordings)
+    return Remark(claim, Finding.HOLDS if holds else Finding.DOES_NOT_HOLD, numbers)
 
 
 def _compared(found: Mapping[str, Results], subset: str) -> tuple[int, int, float]:
