@@ -1,5 +1,6 @@
 """Suggested labels on Images: asked for, shown, accepted with one key, never on the test side."""
 
+import re
 import time
 from functools import partial
 from typing import Any
@@ -47,6 +48,17 @@ def test_the_recognizer_suggests_what_it_sees(
     assert {one: hint["label"] for one, hint in grid["suggested"].items()} == open_images
     assert all(0 < hint["sureness"] <= 1 for hint in grid["suggested"].values())
     assert images.show(desk, optimized)[0] == grid  # a page that comes later shows them, too
+    first, *rest = open_images
+    for labelled, words in (
+        ([first], "5 of 6 suggested labels are"),
+        (rest[1:], "1 of 6 suggested labels is"),
+    ):
+        with desk.changing(optimized) as project:
+            project.set_labels(labelled, 1)
+        assert f"{words} still open" in suggest.tell(desk, optimized)["text"]
+    with desk.changing(optimized) as project:
+        project.remove([rest[0]])
+    assert suggest.tell(desk, optimized)["text"] == "Every suggested label is settled."
 
 
 def test_a_label_by_hand_ends_its_suggestion(
@@ -108,6 +120,26 @@ def test_a_stop_keeps_what_was_answered(
     assert report.asking.n_calls == len(scripted.asked) > n_first  # nothing was paid for twice
 
 
+def test_a_stop_is_seen_while_the_model_loads(
+    desk: Desk, optimized: str, open_images: dict[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loading, load = Gate(), desk.model
+
+    def slowly(name: str) -> Any:
+        loading.pass_through()
+        return load(name)
+
+    monkeypatch.setattr(desk, "model", slowly)
+    suggest.start(desk, optimized)
+    assert loading.reached.wait(20)
+    assert "Loading the model" in suggest.tell(desk, optimized)["text"]
+    WATCH.stop(desk, optimized)
+    assert suggest.tell(desk, optimized)["text"] == "Stopping…"
+    loading.opened.set()
+    ended(desk, optimized)
+    assert "Stopped" in suggest.tell(desk, optimized)["text"]
+
+
 def test_one_key_accepts_and_another_takes_it_back(
     desk: Desk, url: str, browser: Browser, optimized: str, open_images: dict[str, int]
 ) -> None:
@@ -118,9 +150,11 @@ def test_one_key_accepts_and_another_takes_it_back(
     guessed = page.locator(".lg-cell[data-suggested='true']")
     expect(guessed).to_have_count(6)
     expect(page.locator(".lg-counts")).to_contain_text("6 suggested")
+    expect(guessed.first.locator(".lg-label")).to_have_text(re.compile(r"(open|closed)\? \d+ %$"))
     guessed.first.click()
     page.keyboard.press("y")
     expect(guessed).to_have_count(5)
+    expect(page.locator("#suggest-progress")).to_contain_text("5 of 6 suggested labels are")
     page.keyboard.press("Control+a")
     page.keyboard.press("y")
     expect(guessed).to_have_count(0)

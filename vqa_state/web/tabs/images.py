@@ -1,11 +1,13 @@
 """First stretch: add pictures, label them, divide them into train and test."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gradio as gr
 
+from vqa_state.asking import plan
+from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.project import Project
 from vqa_state.splits import Split
 from vqa_state.web import checks, widgets
@@ -26,6 +28,7 @@ class Parts:
     share: gr.Slider
     seed: gr.Number
     afresh: gr.Checkbox
+    sure: gr.Checkbox
     split: gr.Button
     note: gr.HTML
     suggest: suggest.Parts
@@ -44,9 +47,12 @@ def build(tab: gr.Tab) -> Parts:
             share = gr.Slider(0.1, 0.9, 0.5, step=0.05, label="Share for training")
             seed = gr.Number(0, label="Seed of the split and of the copies", precision=0, minimum=0)
             afresh = gr.Checkbox(False, label="Divide again those that have a side already")
+        sure = gr.Checkbox(
+            False, label="Ask everything again with the new seed", visible=False, elem_id="new-seed"
+        )
         split = gr.Button("Divide", variant="primary", elem_id="split", scale=0, min_width=170)
         said = widgets.note("split-note")
-    return Parts(tab, grid, share, seed, afresh, split, said, suggested)
+    return Parts(tab, grid, share, seed, afresh, sure, split, said, suggested)
 
 
 def wire(parts: Parts, page: Page) -> None:
@@ -54,10 +60,10 @@ def wire(parts: Parts, page: Page) -> None:
     shown = [parts.grid, parts.seed, parts.note]
     page.fill(show, shown)
     for trigger in (parts.grid.uploaded, parts.grid.changed):
-        page.change(trigger, tell, (), [parts.note])
+        page.change(trigger, tell, (), [parts.note], trigger_mode="always_last")
     page.change(parts.grid.reload, show, (), shown)
-    inputs = [parts.share, parts.seed, parts.afresh]
-    page.change(parts.split.click, divide, inputs, [parts.grid, parts.note])
+    inputs = [parts.share, parts.seed, parts.afresh, parts.sure]
+    page.change(parts.split.click, divide_if_sure, inputs, [parts.grid, parts.note, parts.sure])
     suggest.wire(parts.suggest, page, parts.grid)
 
 
@@ -71,6 +77,32 @@ def tell(desk: Desk, pid: str) -> Any:
     """The note alone: the grid shows already what was done in it."""
     with desk.reading(pid) as project:
         return _sides(project)
+
+
+def divide_if_sure(desk: Desk, pid: str, share: Any, seed: Any, afresh: Any, sure: Any) -> Any:
+    """Divide; if a new seed would cost stored answers, say so first and show a box to tick."""
+    project, number = desk.snapshot(pid), checks.integer(seed, "the seed")
+    n_lost = 0 if sure is True else _lost(project, desk.fingerprint(project, project.model), number)
+    if n_lost:
+        said = (
+            f"Nothing is divided yet. Seed {number} makes other copies of the images, so "
+            f"{n_lost:,} stored answers would no longer count, nor what was optimized with them.\n"
+            f"To keep them, set the seed back to {project.seed}. To ask everything again, tick the "
+            "box above and press Divide once more."
+        )
+        return gr.skip(), note(said, "warn"), gr.Checkbox(False, visible=True)
+    return *divide(desk, pid, share, seed, afresh), gr.Checkbox(False, visible=False)
+
+
+def _lost(project: Project, fingerprint: str, seed: int) -> int:
+    """Stored answers that count now and would not with this seed."""
+    if not 0 <= seed < 2**32:  # it is refused anyway
+        return 0
+    try:
+        now, then = (plan(one, fingerprint) for one in (project, replace(project, seed=seed)))
+    except (NothingToSearchError, ProjectError):  # no label or no question: nothing counts
+        return 0
+    return max(0, now.n_stored - then.n_stored)
 
 
 def divide(desk: Desk, pid: str, share: Any, seed: Any, afresh: Any) -> Any:

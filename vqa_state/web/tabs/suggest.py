@@ -17,7 +17,7 @@ from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
 from vqa_state.web.routes import MAX_UPLOAD
 from vqa_state.web.taken import found_and_assessed
-from vqa_state.web.views import duration, images_value, note
+from vqa_state.web.views import images_value, note
 
 __all__ = ["Parts", "build", "grid_value", "wire"]
 
@@ -65,6 +65,8 @@ def wire(parts: Parts, page: Page, grid: gr.HTML) -> None:
     started = page.on(parts.start.click, start, (), [])
     for trigger in (started.success, page.arrived.then):
         follow(trigger)
+    for trigger in (grid.changed, grid.reload):
+        page.on(trigger, tell, (), [parts.progress], trigger_mode="always_last")
 
 
 def start(desk: Desk, pid: str) -> None:
@@ -105,7 +107,22 @@ def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, ...]:
     """Progress, start, stop and the grid, which a running job leaves as it is."""
     alive = snapshot is not None and snapshot.state.alive
     grid = gr.skip() if snapshot is None or alive else grid_value(desk, pid)
-    return _progress(snapshot), *watching.buttons(snapshot), grid
+    return _said(desk, pid, snapshot), *watching.buttons(snapshot), grid
+
+
+def tell(desk: Desk, pid: str) -> Any:
+    """Progress alone: the grid shows already which suggestions are settled."""
+    job = desk.jobs.get(pid, KIND)
+    return _said(desk, pid, None if job is None else job.snapshot)
+
+
+def _said(desk: Desk, pid: str, snapshot: Snapshot | None) -> Any:
+    """Progress; once the job is over, how many suggestions are still open."""
+    n_open = 0
+    if snapshot is not None and not snapshot.state.alive:
+        with desk.reading(pid) as project:
+            n_open = len(_suggested(desk, pid, project))
+    return _progress(snapshot, n_open)
 
 
 def grid_value(desk: Desk, pid: str) -> Any:
@@ -122,31 +139,38 @@ def _suggested(desk: Desk, pid: str, project: Project) -> dict[str, Suggestion]:
     return {one.image_id: one for one in found if labels.get(one.image_id, 0) is None}
 
 
-def _progress(snapshot: Snapshot | None) -> Any:
-    if snapshot is None:
-        return note("")
-    if snapshot.state is JobState.FAILED:
-        return note(f"Failed: {snapshot.failure}", "bad")
-    report: Suggesting | None = snapshot.report
-    if report is None:
-        return note("Loading the model…", share=0.0)
+def _progress(snapshot: Snapshot | None, n_open: int) -> Any:
+    early = watching.before_reports(snapshot, "Loading the model…")
+    if snapshot is None or early is not None:
+        return early
+    report: Suggesting = snapshot.report
     if not snapshot.state.alive:
-        return _done(report, stopped=snapshot.state is JobState.STOPPED)
+        return _done(report, n_open, stopped=snapshot.state is JobState.STOPPED)
     one = report.asking
-    left = "" if one.seconds_left is None else f", about {duration(one.seconds_left)} left"
     share = (one.n_calls - one.n_left) / max(1, one.n_calls)
+    left = watching.left(one.seconds_left)
     return note(f"Asking about images without a label{left}", share=share)
 
 
-def _done(report: Suggesting, *, stopped: bool) -> Any:
+def _done(report: Suggesting, n_open: int, *, stopped: bool) -> Any:
     lines = ["Stopped. What was answered is kept; suggest again to go on."] if stopped else []
     if report.asking.n_failed:
         lines.append(f"{report.asking.n_failed:,} calls failed: {report.asking.last_failure}")
-    lines.append(
-        f"{len(report.found)} labels are suggested, shown with a question mark. Choose images and "
-        "press Y to accept; they become training images, since a label that came from a vote must "
-        "not judge it."
-        if report.found
-        else "No label is suggested: no vote is clear."
-    )
+    lines.append(_found(len(report.found), n_open))
     return note("\n".join(lines), "warn" if stopped or report.asking.n_failed else "good")
+
+
+def _found(n: int, n_open: int) -> str:
+    """How many labels are suggested, and what to do with those that are still open."""
+    if not n:
+        return "No label is suggested: no vote is clear."
+    if not n_open:
+        return "Every suggested label is settled." if n > 1 else "The suggested label is settled."
+    verb = "is" if n_open == 1 else "are"
+    what = f"{n_open} {'label' if n_open == 1 else 'labels'} {verb} suggested"
+    if n_open < n:
+        what = f"{n_open} of {n} suggested labels {verb} still open"
+    return (
+        f"{what}, shown with a question mark. Choose images and press Y to accept; they become "
+        "training images, since a label that came from a vote must not judge it."
+    )
