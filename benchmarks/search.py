@@ -20,12 +20,22 @@ from deap import algorithms, base, tools
 
 from benchmarks.prove_optima import OBJECTIVE, Optimum, read_optima
 from benchmarks.tables import digest, numbered_table
+from vqa_state.evaluation import exact_interval
 from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective
 from vqa_state.search.default import CLIMBS, default_search
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings, search
 from vqa_state.search.proof import Badge, ProofLimits, ProofReport, prove_all
 
-__all__ = ["ENGINES", "Plan", "ProofRow", "Row", "main", "measure", "measure_proofs"]
+__all__ = [
+    "ENGINES",
+    "Plan",
+    "ProofRow",
+    "Row",
+    "hit_interval",
+    "main",
+    "measure",
+    "measure_proofs",
+]
 
 _SAME = 1e-9  # textbook DEAP adds the rates in another order
 
@@ -298,16 +308,25 @@ def table(rows: Sequence[Row]) -> str:
     textbook = {(r.n_questions, r.n_images): r.seconds for r in rows if r.engine == "textbook_deap"}
     lines = [
         f"{'engine':<14} {'questions':>9} {'images':>6} {'seconds':>8} {'times faster':>12} "
-        f"{'hits':>6} {'proved':>6} {'unproved':>8}"
+        f"{'hits':>6} {'95 %':>10} {'proved':>6} {'unproved':>8}"
     ]
     for row in rows:
         ratio = textbook[row.n_questions, row.n_images] / row.seconds_beside_textbook
         hits = "–" if row.hit_rate is None else f"{row.hit_rate:.0%}"
         lines.append(
             f"{row.engine:<14} {row.n_questions:>9} {row.n_images:>6} {row.seconds:>8.2f} "
-            f"{ratio:>12.1f} {hits:>6} {row.n_proved:>6} {row.n_unproved:>8}"
+            f"{ratio:>12.1f} {hits:>6} {hit_interval(row):>10} {row.n_proved:>6} "
+            f"{row.n_unproved:>8}"
         )
     return "\n".join(lines)
+
+
+def hit_interval(row: Row) -> str:
+    """The exact 95 % interval of a hit rate, in percent; few tables tell little."""
+    if row.hit_rate is None:
+        return "–"
+    exact = exact_interval(round(row.hit_rate * row.n_proved), row.n_proved)
+    return f"{100 * exact.low:.0f} to {100 * exact.high:.0f}"
 
 
 def proof_text(proof: ProofRow) -> str:

@@ -140,6 +140,33 @@ def test_the_decision_shows_the_search_that_is_kept(load):
     assert (len(kept["rows"]), proof.n_tables) == (9, bench.FULL.n_proofs)
 
 
+def test_hit_rates_are_shown_with_their_exact_intervals(load):
+    """All of n: the lower end is the rate r whose r^n is 2.5 %."""
+    bench = load("search")
+    kept = json.loads((ROOT / "docs" / "search.json").read_text(encoding="utf-8"))
+    rows = {(row["engine"], row["n_questions"]): bench.Row(**row) for row in kept["rows"]}
+    for n_questions, n_tables in ((32, 20), (64, 10)):
+        row = rows["default", n_questions]
+        assert (row.hit_rate, row.n_proved, row.n_unproved) == (1, n_tables, 0)
+        assert bench.hit_interval(row) == f"{100 * 0.025 ** (1 / n_tables):.0f} to 100"
+    assert bench.hit_interval(replace(row, hit_rate=None, n_proved=0)) == "–"
+    text = (ROOT / "docs" / "decisions" / "0008-restarts.md").read_text(encoding="utf-8")
+    assert "10 of 10 tables, which leaves a rate of 69\nto 100 % (exact 95 % interval)" in text
+
+
+def test_the_decision_names_the_tables_whose_optima_are_kept(load):
+    numbers: dict[int, list[int]] = {}
+    for one in load("prove_optima").read_optima():
+        numbers.setdefault(one.n_questions, []).append(one.number)
+    assert numbers == {
+        16: list(range(100, 120)),
+        32: list(range(100, 120)),
+        64: list(range(100, 110)),
+    }
+    text = (ROOT / "docs" / "decisions" / "0008-restarts.md").read_text(encoding="utf-8")
+    assert "100 to 119 with 16 and 32 questions, and with\n64 questions only 100 to 109" in text
+
+
 def test_the_kept_search_reaches_what_it_should(load):
     """At 64 questions and 20 images: nearly always the optimum, sooner than DEAP, and proved."""
     kept = json.loads((ROOT / "docs" / "search.json").read_text(encoding="utf-8"))
