@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from vqa_state.embedded.dataset import load_examples, pending_jobs, render_jobs
 from vqa_state.embedded.photos import is_training_photo, load_photos
 from vqa_state.embedded.scenes import THINGS, SceneRenderer, Split
+from vqa_state.embedded.scenes.rendering import Picture
 from vqa_state.embedded.scenes.seeds import scene_generator
 from vqa_state.errors import ProjectError
 
@@ -99,10 +101,11 @@ def test_a_stopped_rendering_goes_on(tmp_path, monkeypatch):
 
         def render(self, thing, split, seed, n_views):
             rendered.append(seed)
-            return []
+            image = Image.new("RGB", (8, 8))
+            return [Picture(image, thing, positive, {}) for positive in (True, False)]
 
     monkeypatch.setattr("vqa_state.embedded.dataset.SceneRenderer", FakeRenderer)
     for n_scenes in (3, 5):
         list(render_jobs(pending_jobs(tmp_path, Split.TRAIN, n_scenes, 1, ["door"])))
     assert rendered == [0, 1, 2, 3, 4]
-    assert load_examples(tmp_path) == []
+    assert len(load_examples(tmp_path)) == 10

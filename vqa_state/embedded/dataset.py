@@ -8,10 +8,12 @@ from pathlib import Path
 
 from vqa_state.embedded.scenes import THINGS, Picture, SceneRenderer, Split
 from vqa_state.embedded.scenes.stage import Facts
+from vqa_state.errors import ProjectError
 
 __all__ = [
     "Example",
     "SceneJob",
+    "is_finished",
     "load_examples",
     "pending_jobs",
     "read_record",
@@ -21,6 +23,9 @@ __all__ = [
 
 #: JPEG quality of stored pictures; high, since training adds its own artefacts.
 _QUALITY = 90
+
+#: Pictures of a scene before each camera.
+_N_STATES = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +60,17 @@ def pending_jobs(
     *,
     scenes_per_job: int = 10,
 ) -> list[SceneJob]:
-    """What is still to be rendered for seeds 0 to `n_scenes` - 1 of every thing."""
+    """What is still to be rendered for seeds 0 to `n_scenes` - 1 of every thing.
+
+    Raises:
+        ProjectError: if `folder` holds scenes with another number of views.
+    """
     jobs = []
     for start in range(0, n_scenes, scenes_per_job):
         for thing in things:
             wanted = range(start, min(start + scenes_per_job, n_scenes))
-            seeds = tuple(seed for seed in wanted if not _record(folder, thing, seed).exists())
+            records = {seed: _record(folder, thing, seed) for seed in wanted}
+            seeds = tuple(seed for seed in wanted if not is_finished(records[seed], n_views))
             if seeds:
                 jobs.append(SceneJob(folder, split, thing, seeds, n_views))
     return jobs
@@ -100,6 +110,23 @@ def read_record(record: Path, thing: str, scene: str) -> list[Example]:
         Example(record.parent / row["file"], thing, row["positive"], row["facts"], scene)
         for row in json.loads(record.read_text("utf-8"))
     ]
+
+
+def is_finished(record: Path, n_views: int) -> bool:
+    """Whether a scene is on disk, in both states before each of `n_views` cameras.
+
+    Raises:
+        ProjectError: if it is there with another number of views.
+    """
+    if not record.exists():
+        return False
+    found, asked = len(json.loads(record.read_text("utf-8"))), _N_STATES * n_views
+    if found != asked:
+        raise ProjectError(
+            f"{record} says that its scene was rendered with {found // _N_STATES} views, not with "
+            f"{n_views}; give --views {found // _N_STATES}, or another --out for other views"
+        )
+    return True
 
 
 def write_pictures(record: Path, pictures: Sequence[Picture]) -> None:

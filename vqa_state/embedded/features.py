@@ -1,6 +1,5 @@
 """The unchanging first blocks of the trunk, computed once a picture and kept on disk."""
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from vqa_state.embedded.dataset import Example
+from vqa_state.embedded.digests import digest, digest_file, digest_tensors
 from vqa_state.embedded.pixels import normalise, to_square
 from vqa_state.embedded.trunk import INPUT_SIZE, Trunk
 
@@ -30,12 +30,14 @@ def embed_examples(
     """Yield maps of shape (n, 80, 14, 14) in float16, chunk by chunk, in the examples' order.
 
     Every picture is varied once (see `varied`). A chunk that an earlier run has left in `folder`
-    is read instead of computed.
+    is read instead of computed; it is known by the trunk's weights, the pictures' bytes, the block
+    and the seed.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    made_by = digest(digest_tensors(trunk), N_FROZEN_BLOCKS, INPUT_SIZE, seed)
     for start in range(0, len(examples), _CHUNK):
         chunk = examples[start : start + _CHUNK]
-        file = folder / f"{_chunk_name(chunk, seed)}.safetensors"
+        file = folder / f"{_chunk_name(chunk, made_by)}.safetensors"
         if not file.exists():
             unfinished = file.with_suffix(".part")
             save_file({"maps": _embed(trunk, chunk, seed)}, unfinished)
@@ -60,9 +62,8 @@ def varied(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.fl
     return np.clip(changed, 0, 255).astype(np.float32)
 
 
-def _chunk_name(chunk: Sequence[Example], seed: int) -> str:
-    names = "\n".join([str(seed), *(str(example.path) for example in chunk)])
-    return hashlib.sha256(names.encode()).hexdigest()[:16]
+def _chunk_name(chunk: Sequence[Example], made_by: str) -> str:
+    return digest(made_by, *(digest_file(example.path) for example in chunk))
 
 
 @torch.inference_mode()

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from vqa_state.embedded.curriculum import Drill, make_drills
 from vqa_state.embedded.dataset import Example
+from vqa_state.embedded.digests import digest
 from vqa_state.embedded.scenes import THINGS
 from vqa_state.embedded.text import encode_questions
 from vqa_state.embedded.vocabulary import ANSWERS
@@ -60,6 +61,13 @@ class Lessons:
         }
         self._targets = [_targets(example, self._drills) for example in examples]
         self._shares = _shares(examples)
+
+    @property
+    def questions(self) -> str:
+        """A digest of all questions that may be drawn, and of their answers."""
+        return digest(
+            *([thing, [repr(drill) for drill in drills]] for thing, drills in self._drills.items())
+        )
 
     def restart(self, stage: int) -> None:
         """Draw anew, so that a stage draws the same whether or not another ran before it."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from rich.progress import track
 
-from vqa_state.embedded.dataset import Example, read_record, write_pictures
+from vqa_state.embedded.dataset import Example, is_finished, read_record, write_pictures
 from vqa_state.embedded.scenes.photography import photograph
 from vqa_state.embedded.scenes.rendering import Picture, draw, import_mujoco
 from vqa_state.errors import MissingPackageError
@@ -326,13 +326,17 @@ class SimulatorRenderer:
 def render_tasks(
     folder: Path, names: Sequence[str], n_scenes: int, n_views: int, n_processes: int
 ) -> None:
-    """Render what is missing to FOLDER/TASK, with a bar; finished scenes are skipped."""
+    """Render what is missing to FOLDER/TASK, with a bar; finished scenes are skipped.
+
+    Raises:
+        ProjectError: if the folder holds scenes with another number of views.
+    """
     jobs = [
         (folder / name, name, tuple(range(start, min(start + _PER_JOB, n_scenes))), n_views)
         for name in names
         for start in range(0, n_scenes, _PER_JOB)
     ]
-    pending = [job for job in jobs if any(not _record(job[0], seed).exists() for seed in job[2])]
+    pending = [job for job in jobs if not _is_finished(job)]
     with get_context("spawn").Pool(n_processes) as pool:
         done = pool.imap_unordered(_render_job, pending)
         for _ in track(done, total=len(pending), description=f"simulators ({folder.name})"):
@@ -357,6 +361,11 @@ def _render_job(job: tuple[Path, str, tuple[int, ...], int]) -> None:
     with SimulatorRenderer(name) as renderer:
         for seed in seeds:
             write_pictures(_record(folder, seed), renderer.render(seed, n_views))
+
+
+def _is_finished(job: tuple[Path, str, tuple[int, ...], int]) -> bool:
+    folder, _, seeds, n_views = job
+    return all(is_finished(_record(folder, seed), n_views) for seed in seeds)
 
 
 def _record(folder: Path, seed: int) -> Path:

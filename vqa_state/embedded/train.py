@@ -1,11 +1,14 @@
 """`python -m vqa_state.embedded.train --out DIR`: render, train, write weights.safetensors.
 
 Everything costly is kept in DIR: pictures, what the frozen blocks make of them, the weights after
-each stage. The same command goes on where a stopped one was.
+each of the two stages. The same command goes on after the last scene, block of features or stage
+that is finished; a stage that was stopped halfway begins anew. What is kept is known by the bytes
+of its pictures and by the settings, so it is never used for others. The code is not among them:
+after changing it, give another DIR.
 """
 
 import argparse
-import json
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +19,7 @@ from torch import Tensor
 
 from vqa_state.embedded.calibration import fit_temperature
 from vqa_state.embedded.dataset import Example, load_examples
+from vqa_state.embedded.digests import digest_examples, digest_tensors
 from vqa_state.embedded.features import embed_examples, n_chunks
 from vqa_state.embedded.imagenet import load_imagenet
 from vqa_state.embedded.lessons import Lessons
@@ -25,9 +29,10 @@ from vqa_state.embedded.render import render_split
 from vqa_state.embedded.scenes import Split
 from vqa_state.embedded.simulators import TRAINING_TASKS, load_tasks, render_tasks
 from vqa_state.embedded.training import StepReport, grade, train_reader, tune_trunk
-from vqa_state.embedded.weights import load_stage, save_network
+from vqa_state.embedded.training_log import TrainingLog
+from vqa_state.embedded.weights import SECONDS, load_stage, read_header, save_network
 
-__all__ = ["main"]
+__all__ = ["describe", "main"]
 
 #: Photos are few, so each is seen in this many variations.
 _PHOTO_VARIATIONS = 10
@@ -41,12 +46,14 @@ _KEPT_BACK = 12
 def main(arguments: Sequence[str] | None = None) -> None:
     """Render what is missing, train in two stages, calibrate, write the weights."""
     chosen = _parser().parse_args(arguments)
+    log = TrainingLog(chosen.out / "log.jsonl")
     folder = chosen.out / Split.TRAIN.value
-    render_split(folder, Split.TRAIN, chosen.scenes, chosen.views, chosen.processes)
-    foreign = _render_simulators(chosen)
+    with log.timed("scenes"):
+        render_split(folder, Split.TRAIN, chosen.scenes, chosen.views, chosen.processes)
+        foreign = _render_simulators(chosen)
     torch.set_num_threads(chosen.threads)
     with torch.random.fork_rng():
-        _train(chosen, load_examples(folder, chosen.scenes) + foreign)
+        _train(chosen, load_examples(folder, chosen.scenes) + foreign, log)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -72,37 +79,66 @@ def _render_simulators(chosen: argparse.Namespace) -> list[Example]:
     return load_tasks(folder, names, chosen.simulator_scenes)
 
 
-def _train(chosen: argparse.Namespace, rendered: list[Example]) -> None:
+def _train(chosen: argparse.Namespace, rendered: list[Example], log: TrainingLog) -> None:
     torch.manual_seed(chosen.seed)
     network = VQANetwork()
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     load_imagenet(network.trunk)
-    examples, maps = _materials(chosen, network, rendered)
+    with log.timed("features"):
+        examples, maps = _materials(chosen, network, rendered)
     kept_back = torch.tensor([_is_kept_back(example) for example in examples])
     training = [example for example in examples if not _is_kept_back(example)]
     lessons = Lessons(training, _N_DRILLS, chosen.seed)
-    about = _about(chosen, training)
-    log = chosen.out / "log.jsonl"
-    with log.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(about) + "\n")
-    stages = ((train_reader, chosen.epochs), (tune_trunk, chosen.tuning_epochs))
-    for number, (stage, n_epochs) in enumerate(stages):
-        saved = chosen.out / f"stage{number}.safetensors"
-        if load_stage(network, saved, about):
-            continue
-        torch.manual_seed(chosen.seed + number)
-        lessons.restart(number)
-        if n_epochs > 0:
-            _follow(stage(network, maps[~kept_back], lessons, n_epochs), log)
-        save_network(network, saved, about, torch.float32)
+    about = describe(chosen, training, lessons.questions, digest_tensors(network.trunk))
+    log.write({**about})
+    seconds = _learn(chosen, network, maps[~kept_back], lessons, about, log)
     if kept_back.any():
         kept = Lessons([each for each in examples if _is_kept_back(each)], _N_DRILLS, chosen.seed)
         network.temperature.fill_(fit_temperature(*grade(network, maps[kept_back], kept)))
-    save_network(network, chosen.out / "weights.safetensors", about)
+    times = {
+        SECONDS: f"{seconds:.0f}",
+        f"{SECONDS}_before": f"{log.seconds('scenes') + log.seconds('features'):.0f}",
+    }
+    save_network(network, chosen.out / "weights.safetensors", {**about, **times})
 
 
-def _about(chosen: argparse.Namespace, training: Sequence[Example]) -> dict[str, str]:
-    """What made the weights: written into their header, and what a stage must match to be used."""
+def _learn(
+    chosen: argparse.Namespace,
+    network: VQANetwork,
+    maps: Tensor,
+    lessons: Lessons,
+    about: dict[str, str],
+    log: TrainingLog,
+) -> float:
+    """Both stages, or what earlier runs left of them; the seconds that they took."""
+    seconds = 0.0
+    stages = ((train_reader, chosen.epochs), (tune_trunk, chosen.tuning_epochs))
+    for number, (stage, n_epochs) in enumerate(stages):
+        saved = chosen.out / f"stage{number}.safetensors"
+        if not load_stage(network, saved, about):
+            torch.manual_seed(chosen.seed + number)
+            lessons.restart(number)
+            start = time.perf_counter()
+            if n_epochs > 0:
+                with log.timed(f"stage {number}"):
+                    _follow(stage(network, maps, lessons, n_epochs), log)
+            took = {SECONDS: f"{time.perf_counter() - start:.0f}"}
+            save_network(network, saved, {**about, **took}, torch.float32)
+        seconds += float(read_header(saved)[SECONDS])
+    return seconds
+
+
+def describe(
+    chosen: argparse.Namespace, training: Sequence[Example], questions: str, trunk: str
+) -> dict[str, str]:
+    """What made the weights: written into their header, and what a stage must match to be used.
+
+    Args:
+        chosen: the command's settings.
+        training: what it learns from; pictures are known by their bytes.
+        questions: digest of the questions that may be drawn.
+        trunk: digest of the image network before training.
+    """
     sources = [example.scene.partition("/")[0] for example in training]
     n_photos, n_foreign = sources.count("photo"), sources.count("simulator")
     return {
@@ -111,6 +147,10 @@ def _about(chosen: argparse.Namespace, training: Sequence[Example]) -> dict[str,
         "simulators": str(n_foreign),
         "photos": str(n_photos),
         "epochs": f"{chosen.epochs} + {chosen.tuning_epochs}",
+        "views": str(chosen.views),
+        "examples": digest_examples(training),
+        "questions": questions,
+        "trunk": trunk,
     }
 
 
@@ -136,13 +176,11 @@ def _materials(
     return examples, torch.cat(maps)
 
 
-def _follow(reports: Iterable[StepReport], log: Path) -> None:
+def _follow(reports: Iterable[StepReport], log: TrainingLog) -> None:
     """Draw the bar and write every twentieth step to the log."""
-    with log.open("a", encoding="utf-8") as file:
-        for report in track(reports, description="training", total=None):
-            if report.step % 20 == 0 or report.step == report.n_steps:
-                file.write(json.dumps(asdict(report)) + "\n")
-                file.flush()
+    for report in track(reports, description="training", total=None):
+        if report.step % 20 == 0 or report.step == report.n_steps:
+            log.write(asdict(report))
 
 
 if __name__ == "__main__":

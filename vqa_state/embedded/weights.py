@@ -12,6 +12,7 @@ from vqa_state.embedded.network import VQANetwork
 from vqa_state.errors import ModelError
 
 __all__ = [
+    "SECONDS",
     "WEIGHTS",
     "count_parameters",
     "load_network",
@@ -23,6 +24,9 @@ __all__ = [
 
 #: The file that ships with the package.
 WEIGHTS = Path(__file__).with_name("weights.safetensors")
+
+#: Begins the names of wall times in a header.
+SECONDS = "seconds"
 
 
 def save_network(
@@ -40,11 +44,18 @@ def save_network(
 
 
 def load_stage(network: VQANetwork, path: Path, about: Mapping[str, str]) -> bool:
-    """Whether `path` was saved with the same `about`; then `network` has its weights."""
-    if not path.exists() or read_header(path) != dict(about):
+    """Whether `path` was saved with the same `about`; then `network` has its weights.
+
+    How long it took, `SECONDS`, may differ.
+    """
+    if not path.exists() or _without_times(read_header(path)) != _without_times(about):
         return False
     network.load_state_dict(load_file(path))
     return True
+
+
+def _without_times(about: Mapping[str, str]) -> dict[str, str]:
+    return {name: value for name, value in about.items() if not name.startswith(SECONDS)}
 
 
 def load_network(path: Path = WEIGHTS) -> VQANetwork:
