@@ -68,24 +68,35 @@ class Recognizer(Record):
     """Questions whose vote recognizes a state; see the module's first lines for its use."""
 
     schema_version: Literal[2] = SCHEMA_VERSION
+    """Of this form of the file; docs/recognizer.md says how a verdict comes from it."""
     name: Words
+    """Of the project; shown, no more."""
     states: States
+    """What verdicts are called."""
     model: ModelReference
+    """The model to ask."""
     copies: Copies
+    """What to ask about: these copies of an image."""
     questions: Annotated[
         tuple[WeightedQuestion, ...], Field(min_length=1, max_length=MAX_QUESTIONS)
     ]
+    """What to ask about every copy; no text stands there twice."""
     vote: VoteKind = VoteKind.PAPER
-    """How answers are counted; vqa_state/voting/kinds.py has the formulas."""
+    """How answers are counted; docs/recognizer.md has the formulas."""
     threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Share above which the positive state wins; at most six digits."""
     abstain: Abstain = Abstain()
     """When the verdict is unknown; always exactly at the threshold or without a valid vote."""
     parser_version: Annotated[int, Field(ge=1, le=PARSER_VERSION)] = PARSER_VERSION
+    """Of the rules that read yes or no out of a text."""
     origin: Origin
+    """How the questions were chosen; it changes no verdict."""
     scores: Scores
+    """How good it was on the project's images; it changes no verdict."""
     estimate: EstimateRecord | None = None
+    """How good it will be on new images; it changes no verdict. Null where it is not known."""
     calls_per_image: int
+    """Copies × questions."""
     digest: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
     """SHA-256 of all the rest; it finds damage, it is no signature."""
 

@@ -47,7 +47,12 @@ _LONGEST = 300  # characters of a text
 class Record(BaseModel):
     """A part of the file; it never changes and knows no other fields than its own."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,  # the schema says what a field means
+    )
 
 
 def _cleaned(text: str) -> str:
@@ -67,7 +72,9 @@ class States(Record):
     """What the two states are called."""
 
     positive: Words
+    """What a verdict for the positive state is called."""
     negative: Words
+    """What a verdict for the negative state is called; another word, and not "unknown"."""
 
     @model_validator(mode="after")
     def _differ(self) -> "States":
@@ -82,16 +89,22 @@ class ModelReference(Record):
     """The model that the questions were chosen for. Its revision stands in the fingerprint."""
 
     name: Annotated[str, Field(min_length=1, max_length=MAX_ADDRESS)]
+    """How the model was called where it was asked: a name or an address."""
     fingerprint: Annotated[str, Field(min_length=1, max_length=MAX_FINGERPRINT)]
+    """Tells two models apart: weights, prompt, precision. Another one's answers do not count."""
 
 
 class Copies(Record):
     """The copies of an image that the questions are asked about."""
 
     kind: AugmentationKind
+    """rgb-shift: one shift a channel. gaussian-noise: noise on every value."""
     amount: Annotated[float, Field(gt=0, le=1)]
+    """Share of full scale: the largest shift, or the noise's standard deviation."""
     n_copies: Annotated[int, Field(ge=1, le=MAX_COPIES)]
+    """Number of copies; the image itself is not asked about."""
     seed: Seed
+    """With the pixels and the copy's number, it gives the copy; docs/recognizer.md says how."""
 
 
 class WeightedQuestion(Record):
@@ -102,8 +115,11 @@ class WeightedQuestion(Record):
     """
 
     text: Words
+    """What the model is asked, as it stands here."""
     yes_means: Literal[-1, 1]
+    """+1: a yes speaks for the positive state and a no for the negative one; -1: the reverse."""
     weight: Annotated[int, Field(ge=1, le=MAX_WEIGHT)] = 1
+    """What each answer to it weighs; 1 in the votes "paper" and "threshold"."""
 
 
 class CarefulRecord(Record):
@@ -115,11 +131,17 @@ class CarefulRecord(Record):
     """
 
     n_images: Annotated[int, Field(ge=1)]
+    """Training images."""
     n_votes: Annotated[int, Field(ge=1)]
+    """Single votes on them by recognizers that never saw the image."""
     n_verdicts: Annotated[int, Field(ge=1)]
+    """Votes that are sure enough for a verdict."""
     n_right: Annotated[int, Field(ge=0)]
+    """Verdicts that are right."""
     low: Share
+    """Lower end of the 95 % interval of n_right / n_verdicts."""
     high: Share
+    """Upper end of it."""
 
     @model_validator(mode="after")
     def _possible(self) -> "CarefulRecord":
@@ -149,8 +171,11 @@ class Abstain(Record):
     """
 
     min_sureness: Share = 0.0
+    """Sureness below which the verdict is unknown; docs/recognizer.md has its formula."""
     coverage: Annotated[float | None, Field(gt=0, le=1)] = None
+    """Share of images that was to get a verdict; it changes no verdict."""
     out_of_bag: Annotated[CarefulRecord | None, Field(exclude_if=lambda one: one is None)] = None
+    """How right the remaining verdicts are; it changes no verdict."""
 
 
 class ProofRecord(Record):
@@ -160,10 +185,15 @@ class ProofRecord(Record):
     """
 
     badge: Badge
+    """What was proved: the best subset, the most images, or only a bound."""
     value: float
+    """E of the subset, the value that the search makes as large as it can."""
     bound: float
+    """No subset has a larger E."""
     n_bound: Annotated[int, Field(ge=0)]
+    """No subset recognizes more training images."""
     stopped: bool
+    """Whether a user ended the proof."""
 
 
 class Origin(Record):
@@ -173,13 +203,21 @@ class Origin(Record):
     """
 
     engine: Engine = Engine.PAPER
+    """How it was searched."""
     objective: Objective
+    """What was made as large as possible: s+ for accuracy, s- for few questions."""
     weights: ObjectiveWeights
+    """Of the terms of E."""
     settings: SearchSettings
+    """Of the genetic algorithm."""
     seed: Seed
+    """Of the search."""
     generations: Annotated[int, Field(ge=0)]
+    """That were run; the engine "default" counts its climbs as more of them."""
     finished: bool
+    """Whether search and proof came to their end."""
     proof: ProofRecord | None = None
+    """Null where nothing was proved."""
 
 
 class ScoreRecord(Record):
@@ -189,12 +227,19 @@ class ScoreRecord(Record):
     """
 
     n_recognized: Annotated[int, Field(ge=0)]
+    """Images whose verdict is their label."""
     n_images: Annotated[int, Field(ge=1)]
+    """Images with a label and all their answers."""
     R_ave: float | None = None
+    """Mean over the images of their share of right answers among the valid ones."""
     R_invalid: float | None = None
+    """Share of invalid answers."""
     R_img_interval: tuple[float, float] | None = None
+    """Exact, of n_recognized / n_images."""
     R_ave_interval: tuple[float, float] | None = None
+    """By bootstrap over the images."""
     R_invalid_interval: tuple[float, float] | None = None
+    """By bootstrap over the images."""
 
     @model_validator(mode="after")
     def _possible(self) -> "ScoreRecord":
@@ -207,7 +252,9 @@ class Scores(Record):
     """Training images chose the questions; only the test images say how good they are."""
 
     train: ScoreRecord
+    """On the images that chose the questions."""
     test: ScoreRecord | None
+    """On held-out images; null without any."""
 
 
 class EstimateRecord(Record):
@@ -219,10 +266,15 @@ class EstimateRecord(Record):
     """
 
     share: Share
+    """Of new images that will be recognized."""
     low: Share
+    """Lower end of its interval."""
     high: Share
+    """Upper end of its interval."""
     n_images: Annotated[int, Field(ge=1)]
+    """Training images that it was made of."""
     n_resamples: Annotated[int, Field(ge=1)]
+    """Resamples that it was made of."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "EstimateRecord":
