@@ -10,6 +10,7 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from stand_ins import Gate, picture, says
 from vqa_state.asking import ask
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.project import Project
+from vqa_state.questions import Wording
 from vqa_state.scores import Objective
 from vqa_state.tuning import optimize, recognizer_path
 from vqa_state.web.desk import Desk
@@ -191,8 +193,9 @@ def test_opening_the_page_changes_nothing(desk: Desk, url: str, browser: Browser
         watched.page.get_by_role("tab", name=name).click()
     expect(watched.page.locator("#questions .qg-counts")).to_have_text("16 questions will be asked")
     assert watched.faults == []
-    watched.page.close()
     assert file.read_bytes() == before
+    pass_through_fields(watched.page, desk, pid)
+    watched.page.close()
 
 
 def test_the_app_has_its_guard(url: str) -> None:
@@ -230,6 +233,22 @@ def open_tab(page: Page, address: str, selector: str) -> None:
     page.goto(address)
     expect(page.locator(selector).first).to_be_visible(timeout=WAIT)
     expect(page.locator("#road")).to_contain_text("Next:")
+
+
+def pass_through_fields(page: Page, desk: Desk, pid: str) -> None:
+    """The key Tab leads through fields; it neither loads the page anew nor takes anything back."""
+    page.evaluate("window.kept = true")
+    page.locator("#project input").focus()
+    page.keyboard.press("Tab")
+    with desk.changing(pid) as project:  # another window
+        project.grid = replace(project.grid, wordings=(*project.grid.wordings, Wording("gate")))
+    page.locator("#wordings textarea").focus()
+    page.keyboard.press("Tab")
+    page.locator("#wordings textarea").fill("porch")  # typed without a look at the other window
+    page.keyboard.press("Tab")
+    expect(page.locator("#questions-note")).to_contain_text("another window")
+    assert page.evaluate("window.kept") is True
+    assert list(map(str, desk.snapshot(pid).grid.wordings)) == ["door", "gate"]
 
 
 def create_a_project(page: Page, url: str) -> str:
