@@ -1,18 +1,27 @@
 """What Optimize, Results and Recognizer do, as plain functions: no page, no server."""
 
+from collections import deque
+from dataclasses import replace
 from typing import Any
 
+import gradio as gr
 import numpy as np
 import pytest
 from stand_ins import finished
 
+from vqa_state import tuning
+from vqa_state.asking import ask
 from vqa_state.errors import VQAStateError
 from vqa_state.jobs import JobState
+from vqa_state.models.fake import ScriptedModel
+from vqa_state.questions import Question
 from vqa_state.scores import Objective
 from vqa_state.splits import Split
 from vqa_state.web.checks import RequestError
 from vqa_state.web.desk import Desk
-from vqa_state.web.tabs import optimize, recognizer, results
+from vqa_state.web.heat import heat_value
+from vqa_state.web.tabs import assess, optimize, recognizer, results
+from vqa_state.web.tabs.missed import choose_question, choose_row
 
 # ---- optimize ------------------------------------------------------------------------------
 
@@ -55,57 +64,139 @@ def test_optimizing_needs_answers(desk: Desk, pid: str) -> None:
 # ---- results -------------------------------------------------------------------------------
 
 
+def show(desk: Desk, pid: str, missed_of: Any = "", answers_of: Any = "") -> dict[str, Any]:
+    """What is shown, by name."""
+    names = "note", "body", "missed", "good", "heat", "answers"
+    return dict(zip(names, results.show(desk, pid, missed_of, answers_of), strict=True))
+
+
 def test_a_cell_leads_to_images_answers_and_votes(desk: Desk, asked: str) -> None:
-    cells = results.show(desk, asked)[1]
-    assert len(cells["rows"]) == 8
-    assert cells["columns"] == ["door · open", "door · closed"]
-    shown = results.pick(desk, asked, {"question": "Is this door open?"})
+    shown = show(desk, asked)
+    assert shown["good"].visible
+    assert len(shown["heat"]["rows"]) == 8
+    assert shown["heat"]["columns"] == ["door · open", "door · closed"]
+    answers, _ = choose_question(desk, asked, {"question": "Is this door open?"})
     train = desk.snapshot(asked).labelled(Split.TRAIN)
-    assert {card["image"] for card in shown["cards"]} == {image.id for image in train}
-    assert all(sum(card["votes"]) == 6 for card in shown["cards"])
+    assert {card["image"] for card in answers["cards"]} == {image.id for image in train}
+    assert all(sum(card["votes"]) == 6 for card in answers["cards"])
 
 
 @pytest.mark.parametrize("data", [None, {}, {"question": "?"}, {"question": 3}, []])
 def test_a_strange_cell_is_refused(desk: Desk, asked: str, data: Any) -> None:
     with pytest.raises(VQAStateError):
-        results.pick(desk, asked, data)
+        choose_question(desk, asked, data)
 
 
-def test_test_results_are_shown_on_demand_and_looks_are_counted(desk: Desk, optimized: str) -> None:
-    shown = results.show(desk, optimized)
-    assert list(shown[3].value["headers"]) == [
-        "subset",
-        "questions",
-        "recognized",
-        "R_ave",
-        "R_invalid",
+def test_own_questions_stand_apart_with_the_state_that_yes_means(
+    desk: Desk, asked: str, scripted: ScriptedModel
+) -> None:
+    own = Question("Is the door shut tight?", -1), Question("Is the door ajar?", 1)
+    with desk.changing(asked) as project:
+        project.grid = replace(project.grid, custom=own)
+    deque(ask(desk.snapshot(asked), scripted), maxlen=0)
+    heat = heat_value(desk.snapshot(asked))
+    in_grid = [cell["question"] for row in heat["rows"] for cell in row["cells"]]
+    assert len(in_grid) == 16
+    assert not {question.text for question in own} & set(in_grid)
+    assert [(one["title"], one["yes"]) for one in heat["own"]] == [
+        ("Is the door ajar?", "open"),
+        ("Is the door shut tight?", "closed"),
     ]
-    assert not shown[6].visible
-    assert desk.snapshot(optimized).test_looks == 0
-    button, table, _ = results.look(desk, optimized)
-    assert "once" in button.value
-    assert table.visible
-    assert Desk(desk.root).snapshot(optimized).test_looks == 1
+    assert all(one["cell"]["question"] == one["title"] for one in heat["own"])
+
+
+def test_before_there_are_results_one_sentence_says_what_to_do(desk: Desk, pid: str) -> None:
+    shown = show(desk, pid)
+    assert "on the tab Ask" in shown["note"]["text"]
+    assert not shown["body"].visible
+    assert not shown["good"].visible
+    assert shown["heat"] == {}
+
+
+def test_with_answers_it_says_to_optimize(desk: Desk, asked: str) -> None:
+    shown = show(desk, asked)
+    assert "on the tab Optimize" in shown["note"]["text"]
+    assert not shown["body"].visible
 
 
 def test_a_row_leads_to_the_images_that_it_misses(desk: Desk, optimized: str) -> None:
-    for handler, side in ((results.missed_train, "train"), (results.missed_test, "test")):
-        shown = handler(desk, optimized, {"row_value": ["best question", 1]})
-        assert side in shown["title"]
-        assert all(len(card["answers"]) == 1 for card in shown["cards"])
+    """Those of the test only after a look; nothing that the page tells makes up for one."""
+    data = {"row_value": ["s_all", 16]}
+    _, test, about = choose_row(desk, optimized, data, "")
+    assert test == {}
+    _, test, _ = choose_row(desk, optimized, data, about)  # says that it looked; nobody did
+    assert test == {}
+    *_, looked = assess.look(desk, optimized)
+    assert choose_row(desk, optimized, data, "")[1] == {}  # another page looked
+    assert choose_row(desk, optimized, data, "of older results")[1] == {}
+    train, test, _ = choose_row(desk, optimized, data, looked)
+    (row,) = [row for row in found_rows(desk, optimized) if row.name.value == "s_all"]
+    for shown, kind, missed in (
+        (train, "training", row.train_missed),
+        (test, "test", row.test_missed),
+    ):
+        assert [card["image"] for card in shown["cards"]] == [one.image_id for one in missed]
+        assert f"{kind} images" in shown["title"]
+        assert all(len(card["answers"]) == 16 for card in shown["cards"])
+        for card, one in zip(shown["cards"], missed, strict=True):
+            tie = one.n_for == one.n_against
+            state = "open" if one.label < 0 else "closed"
+            assert card["note"].endswith("unknown: a tie" if tie else f"taken for {state}")
+
+
+def found_rows(desk: Desk, pid: str) -> Any:
+    found = tuning.results(desk.snapshot(pid))
+    assert found is not None
+    return found.evaluation.rows
 
 
 @pytest.mark.parametrize("data", [None, {}, {"row_value": []}, {"row_value": ["x"]}, {"index": 0}])
 def test_a_strange_row_is_refused(desk: Desk, optimized: str, data: Any) -> None:
     with pytest.raises(RequestError):
-        results.missed_train(desk, optimized, data)
+        choose_row(desk, optimized, data, "")
+
+
+def test_evidence_stays_while_what_it_is_about_does(desk: Desk, optimized: str) -> None:
+    _, answers_of = choose_question(desk, optimized, {"question": "Is this door open?"})
+    _, _, missed_of = choose_row(desk, optimized, {"row_value": ["s_all"]}, "")
+    for about in ((missed_of, answers_of), ("", "")):  # chosen while this was on its way
+        shown = show(desk, optimized, *about)
+        assert shown["missed"] == shown["answers"] == gr.skip()
+
+
+@pytest.mark.parametrize("change", ["label", "question", "everything"])
+def test_evidence_goes_when_what_it_is_about_changes(
+    desk: Desk, optimized: str, change: str
+) -> None:
+    _, answers_of = choose_question(desk, optimized, {"question": "Is this door open?"})
+    _, _, missed_of = choose_row(desk, optimized, {"row_value": ["s_all"]}, "")
+    with desk.changing(optimized) as project:
+        if change == "label":
+            project.set_labels([project.labelled(Split.TRAIN)[0].id], -1)
+        elif change == "question":
+            project.grid = replace(project.grid, switched_off=frozenset({"Is this door open?"}))
+        else:
+            project.remove(list(project.images))
+    shown = show(desk, optimized, missed_of, answers_of)
+    assert shown["missed"] == shown["answers"] == {}
+    assert not shown["body"].visible
+
+
+def test_another_choice_changes_the_rows_and_clears_their_evidence(
+    desk: Desk, optimized: str
+) -> None:
+    _, answers_of = choose_question(desk, optimized, {"question": "Is this door open?"})
+    _, _, missed_of = choose_row(desk, optimized, {"row_value": ["s_all"]}, "")
+    recognizer.choose(desk, optimized, "s-")
+    shown = show(desk, optimized, missed_of, answers_of)
+    assert shown["missed"] == {}
+    assert shown["answers"] == gr.skip()
 
 
 def test_changed_labels_make_results_stale(desk: Desk, optimized: str) -> None:
     with desk.changing(optimized) as project:
         project.set_labels([project.labelled(Split.TRAIN)[0].id], None)
-    said = results.show(desk, optimized)[0]
-    assert "optimize" in said["text"]
+    assert "optimize again" in show(desk, optimized)["note"]["text"]
 
 
 # ---- recognizer ----------------------------------------------------------------------------

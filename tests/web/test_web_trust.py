@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stand_ins import finished
+from stand_ins import finished, picture
 from starlette.testclient import TestClient
 
 from vqa_state.assessing import assess as assess_project
@@ -24,7 +24,8 @@ from vqa_state.web.checks import RequestError
 from vqa_state.web.desk import Desk
 from vqa_state.web.guard import LocalGuard
 from vqa_state.web.server import build_api
-from vqa_state.web.tabs import assess, optimize, recognizer, results
+from vqa_state.web.tabs import assess, optimize, reasons, recognizer
+from vqa_state.web.tabs.missed import choose_row
 from vqa_state.web.taken import Taken, found_and_assessed, taken_from
 
 STRANGE: list[Any] = [None, "text", [], {}, True, float("nan"), float("inf"), 1e300, -1, 0]
@@ -64,12 +65,26 @@ def assessed(desk: Desk, optimized: str) -> str:
     return optimized
 
 
+BOARD = (
+    "advice", "use", "table", "look", "sentences", "looked", "test_missed", "buys", "frontier",
+    "curve", "labels", "doubtful", "following", "link",
+)  # fmt: skip
+
+
+def shown(desk: Desk, pid: str) -> dict[str, Any]:
+    """What the board shows, by name."""
+    return dict(zip(BOARD, assess.board(desk, pid), strict=True))
+
+
 # ---- assess --------------------------------------------------------------------------------
 
 
 def test_assessing_fills_the_board(desk: Desk, assessed: str) -> None:
-    _, _, _, *board = assess.view(desk, assessed, ended(desk, assessed))
-    advice, use, table, frontier, curve, _, _, link = board
+    _, _, _, *values = assess.view(desk, assessed, ended(desk, assessed))
+    board = dict(zip(BOARD, values, strict=True))
+    advice, use, table = board["advice"], board["use"], board["table"]
+    frontier, curve, link = board["frontier"], board["curve"], board["link"]
+    assert board["buys"].visible
     assert advice["text"].startswith("Recommended: the vote by")
     assert use.visible
     headers, rows = table.value["headers"], table.value["data"]
@@ -92,7 +107,7 @@ def test_the_board_is_there_after_a_restart(desk: Desk, assessed: str) -> None:
 
 
 def test_a_frontier_point_is_what_it_says(desk: Desk, assessed: str) -> None:
-    _, _, _, frontier, *_ = assess.board(desk, assessed)
+    frontier = shown(desk, assessed)["frontier"]
     found, kept = found_and_assessed(desk.snapshot(assessed))
     assert found is not None
     assert kept is not None
@@ -102,9 +117,9 @@ def test_a_frontier_point_is_what_it_says(desk: Desk, assessed: str) -> None:
         *Objective, "s_all", "best question"
     }  # fmt: skip
     line = [one for one in frontier["points"] if not one.get("marked")]
-    for shown, point in zip(line, kept.frontier, strict=True):
-        assert set(shown["lines"]) <= known
-        assert len(shown["lines"]) * found.train.n_copies == shown["x"] == point.n_calls
+    for one, point in zip(line, kept.frontier, strict=True):
+        assert set(one["lines"]) <= known
+        assert len(one["lines"]) * found.train.n_copies == one["x"] == point.n_calls
 
 
 def test_a_running_job_says_how_long_and_leaves_the_board(
@@ -141,45 +156,76 @@ def test_a_running_job_says_how_long_and_leaves_the_board(
 def test_without_results_there_is_nothing_to_assess(desk: Desk, pid: str) -> None:
     assess.start(desk, pid)
     snapshot = ended(desk, pid)
-    said, _, _, advice, use, table, frontier, *_ = assess.view(desk, pid, snapshot)
+    said, *_ = assess.view(desk, pid, snapshot)
+    board = shown(desk, pid)
     assert said["tone"] == "bad"
-    assert advice["text"] == ""
-    assert "Optimize first" in frontier["empty"]
-    assert not use.visible
-    assert not table.visible
-    for handler in (assess.use, assess.tested):
+    assert board["advice"]["text"] == ""
+    assert "Optimize first" in board["frontier"]["empty"]
+    assert not any(board[name].visible for name in ("use", "table", "buys", "labels"))
+    assert not board["look"].interactive
+    for handler in (assess.use, assess.look):
         with pytest.raises(VQAStateError):
             handler(desk, pid)
+    assert desk.snapshot(pid).test_looks == 0
 
 
 def test_before_assessing_the_table_says_so(desk: Desk, optimized: str) -> None:
-    advice, use, table, frontier, *_ = assess.board(desk, optimized)
-    assert "Not assessed yet" in advice["text"]
-    assert table.visible
-    assert not use.visible
-    assert "Assess first" in frontier["empty"]
+    board = shown(desk, optimized)
+    assert "Not assessed yet" in board["advice"]["text"]
+    assert board["table"].visible
+    assert not board["use"].visible
+    assert not board["buys"].visible
+    headers, rows = board["table"].value["headers"], board["table"].value["data"]
+    assert {row[0] for row in rows} >= {*Objective, "s_all", "s_is", "s_does", "best question"}
+    train, out = headers.index("train"), headers.index("out of bag")
+    assert all(" of " in row[train] and row[out] == "–" for row in rows)
 
 
 def test_changed_labels_make_it_stale(desk: Desk, assessed: str) -> None:
     with desk.changing(assessed) as project:
         project.set_labels([project.labelled(Split.TRAIN)[0].id], None)
-    assert not assess.board(desk, assessed)[1].visible
+    assert not shown(desk, assessed)["use"].visible
     with pytest.raises(NothingToSearchError):
         assess.use(desk, assessed)
 
 
 def test_test_images_are_shown_only_after_a_counted_look(desk: Desk, assessed: str) -> None:
-    with pytest.raises(NothingToSearchError, match="look"):
-        assess.tested(desk, assessed)
-    *_, said = results.look(desk, assessed)
+    before = shown(desk, assessed)
+    assert "not yet looked at" in before["look"].value
+    assert (before["sentences"]["text"], before["looked"]) == ("", "")
+    button, table, said, looked = assess.look(desk, assessed)
+    assert "looked at once" in button.value
     assert "trained image classifier" in said["text"]
-    assert "test, positive" in assess.tested(desk, assessed).value["headers"]
-    assert desk.snapshot(assessed).test_looks == 1
+    assert "test, positive" in table.value["headers"]
+    assert table.value["headers"][:4] == ["recognizer", "train", "out of bag", "test"]
+    assert Desk(desk.root).snapshot(assessed).test_looks == 1
+    assert choose_row(desk, assessed, {"row_value": ["s_all"]}, looked)[1]["title"]
+
+
+def test_what_hides_the_test_columns_hides_all_that_a_look_showed(
+    desk: Desk, assessed: str
+) -> None:
+    """The digest too: so a row chosen afterwards shows no test image."""
+    assess.look(desk, assessed)
+    after = shown(desk, assessed)
+    assert not [name for name in after["table"].value["headers"] if name.startswith("test")]
+    assert (after["sentences"]["text"], after["looked"], after["test_missed"]) == ("", "", {})
+
+
+def test_the_rows_of_an_assessment_lead_to_images_too(desk: Desk, assessed: str) -> None:
+    """The star is no part of the name; the classifier misses by itself, without answers."""
+    for row in shown(desk, assessed)["table"].value["data"]:
+        train, _, _ = choose_row(desk, assessed, {"row_value": row}, "")
+        n_recognized, n_images = map(int, row[1].split(" of "))
+        assert len(train["cards"]) == n_images - n_recognized
+        assert train["title"].startswith(row[0].removesuffix(" ★"))
+        if row[0] == "trained image classifier":
+            assert all(not card["answers"] for card in train["cards"])
 
 
 @pytest.mark.parametrize("strange", STRANGE)
 def test_strange_projects_are_refused(desk: Desk, assessed: str, strange: Any) -> None:
-    for handler in (assess.start, assess.board, assess.use, assess.tested, recognizer.votes):
+    for handler in (assess.start, assess.board, assess.use, assess.look, recognizer.votes):
         with pytest.raises(ProjectError):
             handler(desk, strange)
 
@@ -188,9 +234,31 @@ def test_unlabelled_images_are_listed(desk: Desk, assessed: str) -> None:
     with desk.changing(assessed) as project:
         image = project.labelled(Split.TEST)[0]
         project.set_labels([image.id], None)
-    *_, following, _ = assess.board(desk, assessed)
+    board = shown(desk, assessed)
+    following = board["following"]
     assert [card["image"] for card in following["cards"]] == [image.id]
     assert "vote" in following["cards"][0]["note"]
+    assert board["labels"].visible
+    assert "1 missing" in board["labels"].label
+
+
+@pytest.mark.parametrize(
+    ("n_unasked", "said"),
+    [
+        (1, "1 image without a label lacks answers; “Suggest labels” on Images asks about it"),
+        (2, "2 images without a label lack answers; “Suggest labels” on Images asks about them"),
+    ],
+)
+def test_images_without_answers_are_counted_in_words(
+    desk: Desk, assessed: str, n_unasked: int, said: str
+) -> None:
+    with desk.changing(assessed) as project:
+        for number in range(n_unasked):
+            project.add(picture(100 + number, dark=True), f"new-{number}.png")
+    board = shown(desk, assessed)
+    assert board["following"]["title"] == said
+    assert board["labels"].label == f"Labels: {n_unasked} missing"
+    assert reasons.nothing()[3].visible is False
 
 
 # ---- take a vote ---------------------------------------------------------------------------

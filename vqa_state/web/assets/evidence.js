@@ -1,12 +1,18 @@
 // Images with how the questions voted on them and what the model said, word for word.
 // Value: {project, states, title, cards: [{image, title, note, votes: [+, -, invalid],
-// answers: [[question, said]]}]}.
+// answers: [[question, said]]}], chosen: whether the reader has just asked for it}.
 
 function card({image, title, note, votes, answers}, {project, states}) {
   return el('article', {},
     el('img', {src: `/projects/${project}/thumbs/${image}`, alt: title, loading: 'lazy'}),
-    el('div', {}, el('b', {title}, title), el('span', {className: 'ev-note'}, note), voteBar(votes, states)),
-    answers.length === 1 ? el('p', {className: 'ev-said'}, answers[0][1]) : answerList(answers));
+    el('div', {}, el('b', {title}, title), el('span', {className: 'ev-note'}, note),
+      answers.length ? voteBar(votes, states) : null),
+    said(answers));
+}
+
+function said(answers) {
+  if (!answers.length) return null; // judged without questions
+  return answers.length === 1 ? el('p', {className: 'ev-said'}, answers[0][1]) : answerList(answers);
 }
 
 function build() {
@@ -16,5 +22,8 @@ function build() {
   $('.ev-cards').replaceChildren(...cards.map((one) => card(one, value)));
 }
 
-watch('value', build);
+watch('value', () => {
+  build();
+  if (props.value?.chosen) $('.ev-title').scrollIntoView({block: 'nearest'});
+});
 build();

@@ -1,8 +1,10 @@
 // One cell a question: how often its valid answers are right on the training images, and how many
-// answers were invalid. Click or Enter picks a question; arrow keys walk.
-// Value: {columns: [text], rows: [{title, cells: [{question, accuracy, invalid} or null]}], picked}.
+// answers were invalid. Own questions stand in a table of their own, with the state that "yes"
+// means. Click or Enter picks a question; arrow keys walk.
+// Value: {columns: [text], rows: [{title, cells: [{question, accuracy, invalid} or null]}],
+// own: [{title, yes, cell}], picked}.
 
-const table = $('table');
+const root = $('.hm'), [grid, ownTable] = element.querySelectorAll('table');
 
 function cell(content) {
   if (content === null) return el('td', {className: 'hm-none'});
@@ -18,7 +20,7 @@ function cell(content) {
 }
 
 function mark(question) {
-  for (const button of table.querySelectorAll('button')) {
+  for (const button of root.querySelectorAll('button')) {
     button.setAttribute('aria-pressed', button.dataset.question === question);
   }
 }
@@ -28,27 +30,39 @@ function pick(button) {
   trigger('pick', {question: button.dataset.question});
 }
 
-function build() {
-  const {columns = [], rows = [], picked = ''} = props.value || {};
-  const head = el('tr', {}, el('td'), ...columns.map((text) => el('th', {scope: 'col'}, text)));
-  const body = rows.map(({title, cells}) =>
-    el('tr', {}, el('th', {scope: 'row'}, title), ...cells.map(cell)));
-  table.replaceChildren(el('thead', {}, ...(columns.length ? [head] : [])), el('tbody', {}, ...body));
-  const first = table.querySelector('button');
-  if (first) first.tabIndex = 0;
-  mark(picked);
-  element.firstElementChild.hidden = !rows.length;
+function titled(title, ...cells) {
+  return el('tr', {}, el('th', {scope: 'row'}, title), ...cells);
 }
 
-table.addEventListener('focusin', (event) => {
-  for (const button of table.querySelectorAll('button')) button.tabIndex = button === event.target ? 0 : -1;
+function fill(table, corner, columns, rows) {
+  const head = el('tr', {}, el('th', {scope: 'col'}, corner),
+    ...columns.map((text) => el('th', {scope: 'col'}, text)));
+  table.replaceChildren(el('thead', {}, head), el('tbody', {}, ...rows));
+  table.hidden = !rows.length;
+}
+
+function build() {
+  const {columns = [], rows = [], own = [], picked = ''} = props.value || {};
+  fill(grid, '', columns, rows.map(({title, cells}) => titled(title, ...cells.map(cell))));
+  fill(ownTable, 'your own questions', ['yes means', 'right'],
+    own.map(({title, yes, cell: one}) => titled(title, el('td', {className: 'hm-yes'}, yes), cell(one))));
+  const first = root.querySelector('button');
+  if (first) first.tabIndex = 0;
+  mark(picked);
+  root.hidden = !first;
+}
+
+root.addEventListener('focusin', (event) => {
+  for (const button of root.querySelectorAll('button')) button.tabIndex = button === event.target ? 0 : -1;
 });
-table.addEventListener('keydown', (event) => {
+root.addEventListener('keydown', (event) => {
   const step = {ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowDown: [1, 0], ArrowUp: [-1, 0]}[event.key];
   const at = event.target.closest('td');
   if (!step || !at) return;
-  const row = table.rows[at.parentElement.rowIndex + step[0]];
-  row?.cells[at.cellIndex + step[1]]?.querySelector('button')?.focus();
+  const rows = [...root.querySelectorAll('tr')].filter((row) => row.querySelector('button'));
+  const row = rows[rows.indexOf(at.parentElement) + step[0]];
+  const button = row?.cells[at.cellIndex + step[1]]?.querySelector('button');
+  (button || (step[0] ? row?.querySelector('button') : null))?.focus();
   event.preventDefault();
 });
 

@@ -1,48 +1,59 @@
-"""Part of Results: what a recognizer is worth, what it costs, and which kind of vote to take."""
+"""Part of Results: which recognizer to take, by one table; assess them, and look at the test."""
 
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
-from urllib.parse import quote
 
 import gradio as gr
 
-from vqa_state.assessing import Assessment, AssessProgress, Stage, assess, assessment
+from vqa_state.assessing import Assessment, AssessProgress, Stage, assess
 from vqa_state.errors import NothingToSearchError, ProjectError
-from vqa_state.frontier_marks import marked_points
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.searches import Results
 from vqa_state.standings import Standings, standings, standings_frame
-from vqa_state.standings_words import TABLE_NOTE
-from vqa_state.suggesting import hints
-from vqa_state.web import trades, watching, widgets
+from vqa_state.standings_words import TABLE_NOTES
+from vqa_state.web import watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
+from vqa_state.web.tabs import reasons
+from vqa_state.web.tabs.missed import results_digest
 from vqa_state.web.taken import found_and_assessed
-from vqa_state.web.views import download, duration, image_card, note
+from vqa_state.web.views import duration, note
 
-__all__ = ["Parts", "build", "sentences", "wire"]
+__all__ = ["Parts", "build", "wire"]
 
 KIND = "assessing"
-MAX_CARDS = 12
-N_SHOWN = 8
-"""Components of `Parts.shown`, of which a running job changes none."""
+N_SHOWN = 14
+"""Components of a board, of which a running job changes none."""
+FIRST = ("recognizer", "train", "out of bag", "test", "questions", "calls")
+"""The columns that say which one to take."""
+WORDS = (
+    "Assess repeats the whole search on resamples of the training images, each time judging the "
+    "images that it left out: what it keeps is what new images will see. It also fits other kinds "
+    "of vote, and trains a rival without questions.",
+    *TABLE_NOTES,
+    "The test images chose nothing. Each look at them tempts to choose by them, so looks are "
+    "counted.",
+)
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Components; `shown` are in the order of `board`."""
+    """Components; `looked` holds a digest of the results whose test side is shown."""
 
+    advice: gr.HTML
+    use: gr.Button
+    used: gr.HTML
     start: gr.Button
     stop: gr.Button
     progress: gr.HTML
-    shown: tuple[Any, ...]
-    use: gr.Button
     table: gr.Dataframe
-    used: gr.HTML
+    look: gr.Button
+    sentences: gr.HTML
+    looked: gr.Textbox
 
 
 @dataclass(frozen=True)
@@ -60,46 +71,51 @@ class Assessing:
 
 def build() -> Parts:
     """Draw it."""
-    gr.Markdown(
-        "### Which one to take\nAssess repeats the whole search on resamples of the training "
-        "images, each time judging the images that it left out: what it keeps is what new images "
-        "will see. It also fits other kinds of vote, and trains a rival without questions."
-    )
+    gr.Markdown("### Which one to take")
+    advice = widgets.note("recommendation")
+    use = gr.Button("Use it", elem_id="use-it", visible=False, scale=0)
+    used = widgets.note("used")
     with gr.Row():
         start = gr.Button("Assess", variant="primary", elem_id="assess-start", scale=0)
         stop = gr.Button("Stop", interactive=False, elem_id="assess-stop", scale=0)
     progress = widgets.note("assess-progress")
-    advice = widgets.note("recommendation")
-    use = gr.Button("Use it", elem_id="use-it", visible=False, scale=0)
-    used = widgets.note("used")
+    gr.Markdown("Choose a row to see the images that it does not recognize.")
     table = gr.Dataframe(
-        interactive=False, elem_id="standings", show_label=False, visible=False, max_height=760
-    )
-    gr.Markdown(TABLE_NOTE)
-    with gr.Row():
-        with gr.Column(min_width=300):
-            gr.Markdown("#### What each further question buys")
-            frontier = widgets.trade("frontier")
-        with gr.Column(min_width=300):
-            gr.Markdown("#### What abstaining buys, out of bag")
-            curve = widgets.trade("coverage-curve")
-    doubtful = widgets.evidence("doubtful")
-    following = widgets.evidence("label-next")
-    link = widgets.note("report-link")
-    shown = (advice, use, table, frontier, curve, doubtful, following, link)
-    return Parts(start, stop, progress, shown, use, table, used)
+        interactive=False, elem_id="standings", show_label=False, visible=False, max_height=760,
+        pinned_columns=1,
+    )  # fmt: skip
+    with gr.Accordion("What the words mean", open=False):
+        gr.Markdown("\n".join(f"- {one}" for one in WORDS))
+    look = gr.Button("Look at the test images", elem_id="look", scale=0, min_width=170)
+    sentences = widgets.note("sentences")
+    looked = gr.Textbox(visible=False)
+    return Parts(
+        advice, use, used, start, stop, progress, table, look, sentences, looked
+    )  # fmt: skip
 
 
-def wire(parts: Parts, page: Page, tab: gr.Tab, looked: Any) -> None:
-    """Connect it; `looked` is the event of a counted look at the test images."""
-    shown = [parts.progress, parts.start, parts.stop, *parts.shown]
+def wire(parts: Parts, page: Page, tab: gr.Tab, test_missed: gr.HTML, why: reasons.Parts) -> None:
+    """Connect it. What draws the table anew hides its test columns, and all that a look showed.
+
+    Args:
+        parts: the components.
+        page: with the open project.
+        tab: that they stand on.
+        test_missed: test images that the chosen row does not recognize.
+        why: what is told of the same results further down.
+    """
+    board = [
+        parts.advice, parts.use, parts.table, parts.look, parts.sentences, parts.looked,
+        test_missed, *why.shown,
+    ]  # fmt: skip
+    shown = [parts.progress, parts.start, parts.stop, *board]
     follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
     started = page.on(parts.start.click, start, (), [])
     for trigger in (started.success, page.arrived.then, tab.select):
         follow(trigger)
     page.on(parts.use.click, use, (), [parts.used])
     page.refresh(tab, forget, [parts.used])
-    page.on(looked.success, tested, (), [parts.table])
+    page.on(parts.look.click, look, (), [parts.look, parts.table, parts.sentences, parts.looked])
 
 
 def start(desk: Desk, pid: str) -> None:
@@ -150,28 +166,41 @@ def _progress(snapshot: Snapshot) -> Any:
 
 
 def board(desk: Desk, pid: str) -> tuple[Any, ...]:
-    """Advice, its button, the table without test images, charts, cards, and the report's link."""
+    """Advice, its button, the table without test images, a look's button, and the reasons."""
     project = desk.snapshot(pid)
     try:
         found, assessed = found_and_assessed(project)
     except (NothingToSearchError, ProjectError):
         found, assessed = None, None
+    unseen: tuple[Any, ...] = note(""), "", {}  # nothing of the test images
     if found is None:
         hidden = gr.Button(visible=False), gr.Dataframe(visible=False)
-        first = {"empty": "Optimize first, then assess."}
-        return note(""), *hidden, first, first, {}, {}, note("")
+        return note(""), *hidden, _look_button(project, False), *unseen, *reasons.nothing()
     table = _standings(project, found, assessed)
     return (
         _advice(table, assessed),
         gr.Button(visible=assessed is not None),
         _frame(table, tested=False),
-        *_charts(found, assessed),
-        *_cards(pid, project, found, assessed),
-        download(
-            f"/projects/{quote(pid)}/report.html",
-            "Keep a report that prints (HTML; it counts as a look at the test images)",
-        ),
+        _look_button(project, found.test is not None),
+        *unseen,
+        *reasons.show(pid, project, found, assessed),
     )
+
+
+def look(desk: Desk, pid: str) -> tuple[Any, ...]:
+    """The table with its test columns, and what they say; the look is counted."""
+    with desk.changing(pid) as project:
+        found, assessed = found_and_assessed(project)
+        if found is None or found.test is None:
+            raise NothingToSearchError("there are no test results yet; optimize first")
+        project.test_looks += 1
+        table = _standings(project, found, assessed)
+        return (
+            _look_button(project, True),
+            _frame(table, tested=True),
+            note("\n".join(table.sentences)),
+            results_digest(project, found, assessed),
+        )
 
 
 def use(desk: Desk, pid: str) -> Any:
@@ -182,20 +211,6 @@ def use(desk: Desk, pid: str) -> Any:
     kind = assessed.recommendation.kind
     desk.take(pid, replace(desk.taken(pid), vote=kind))
     return note(f"Taken: the vote by “{kind.value}”. Recognizer shows it and writes it.", "good")
-
-
-def tested(desk: Desk, pid: str) -> Any:
-    """The table with test images, after a look that was counted."""
-    project = desk.snapshot(pid)
-    found, assessed = found_and_assessed(project)
-    if found is None or found.test is None or not project.test_looks:
-        raise NothingToSearchError("look at the test images first; the button counts it")
-    return _frame(_standings(project, found, assessed), tested=True)
-
-
-def sentences(project: Project, found: Results) -> str:
-    """The comparisons on the test images, corrected for how many they are."""
-    return "\n".join(_standings(project, found, assessment(project, found)).sentences)
 
 
 def forget(_desk: Desk, _pid: str) -> Any:
@@ -213,45 +228,14 @@ def _advice(table: Standings, assessed: Assessment | None) -> Any:
 
 
 def _frame(table: Standings, *, tested: bool) -> Any:
+    """How good, then what it costs, then the rest; a narrow page shows the first columns."""
     frame = standings_frame(table)
-    own = [name for name in frame.columns if tested or not str(name).startswith("test")]
+    names = [*FIRST, *(name for name in frame.columns if name not in FIRST)]
+    own = [name for name in names if tested or not str(name).startswith("test")]
     return gr.Dataframe(frame[own], visible=True)
 
 
-def _charts(found: Results, assessed: Assessment | None) -> tuple[Any, Any]:
-    texts = [question.text for question in found.train.questions]
-    points = () if assessed is None else assessed.frontier
-    curve = () if assessed is None else assessed.curves.get(assessed.recommendation.kind, ())
-    return (
-        trades.frontier_value(points, marked_points(found), texts),
-        trades.coverage_value(curve),
-    )
-
-
-def _cards(
-    pid: str, project: Project, found: Results, assessed: Assessment | None
-) -> tuple[Any, Any]:
-    """Training images whose label is doubtful, and which image to label next."""
-    hinted = hints(project, found, assessed)
-    subset = found.searches[project.chosen].subset
-    texts = [found.train.questions[position].text for position in subset]
-    states = [project.states.positive, project.states.negative]
-
-    def evidence(title: str, ones: Any) -> Any:
-        cards = [
-            image_card(project, one.image_id, texts) | {"note": one.reason(*states)}
-            for one in ones[:MAX_CARDS]
-        ]
-        return {"project": pid, "states": states, "title": title, "cards": cards}
-
-    n_unasked = hinted.n_unasked
-    doubtful = evidence("Possibly mislabelled", hinted.doubtful) if hinted.doubtful else {}
-    if not hinted.next and not n_unasked:
-        return doubtful, {}
-    title = "Label next: the vote on these is the closest"
-    if n_unasked:
-        title = (
-            f"{title}. {n_unasked} images without a label lack answers; "
-            "“Suggest labels” on Images asks about them"
-        )
-    return doubtful, evidence(title, hinted.next)
+def _look_button(project: Project, possible: bool) -> Any:
+    n = project.test_looks
+    times = "not yet looked at" if not n else "looked at once" if n == 1 else f"looked at {n} times"
+    return gr.Button(f"Look at the test images ({times})", interactive=possible)
