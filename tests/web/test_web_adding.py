@@ -126,7 +126,7 @@ def test_a_project_that_goes_away_meanwhile_is_a_refusal(desk: Desk, pid: str) -
 
 
 def test_no_page_waits_for_a_busy_project_to_name_it(desk: Desk, pid: str) -> None:
-    with desk.changing(pid) as project, ThreadPoolExecutor(1) as another:
+    with ThreadPoolExecutor(1) as another, desk.changing(pid) as project:
         assert another.submit(desk.listing).result(5) == {pid: "door"}
         project.name = "gate"
     assert desk.listing() == {pid: "gate"}

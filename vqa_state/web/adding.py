@@ -9,7 +9,6 @@ import json
 from collections.abc import AsyncIterator, Iterator
 from typing import Any
 
-from fastapi import Request
 from starlette.concurrency import iterate_in_threadpool
 
 from vqa_state.errors import VQAStateError
@@ -17,7 +16,7 @@ from vqa_state.importing import Batch, Refused, added_in_batches
 from vqa_state.web import views
 from vqa_state.web.desk import Desk
 
-__all__ = ["added_lines", "while_here"]
+__all__ = ["added_lines", "with_breaths"]
 
 BREATH_SECONDS = 0.02
 """Between two batches: a lock is not fair, so those that wait for it get a moment."""
@@ -37,13 +36,11 @@ def added_lines(desk: Desk, pid: str, name: str, data: bytes) -> Iterator[str]:
         yield _line(Batch(batch.n_done, batch.n_files, refused=(Refused(name, str(error)),)))
 
 
-async def while_here(request: Request, lines: Iterator[str]) -> AsyncIterator[str]:
-    """The lines, made beside the event loop, as long as the client listens."""
+async def with_breaths(lines: Iterator[str]) -> AsyncIterator[str]:
+    """The lines, made beside the event loop; a response that is given up asks for no more."""
     async for line in iterate_in_threadpool(lines):
         yield line
         await asyncio.sleep(BREATH_SECONDS)
-        if await request.is_disconnected():
-            return
 
 
 def _line(batch: Batch) -> str:

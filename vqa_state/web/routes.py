@@ -23,7 +23,7 @@ from vqa_state.standings import standings
 from vqa_state.tuning import recognizer_path
 from vqa_state.voting.kinds import VoteKind
 from vqa_state.web import checks, verdicts
-from vqa_state.web.adding import added_lines, while_here
+from vqa_state.web.adding import added_lines, with_breaths
 from vqa_state.web.desk import Desk
 from vqa_state.web.taken import Taken, found_and_assessed, taken_from, taken_recognizer
 
@@ -54,7 +54,7 @@ def routes(desk: Desk) -> APIRouter:
             data = await _body(request, MAX_UPLOAD)
         except ClientDisconnect:  # stopped, or the page was left
             return Response(status_code=400)
-        lines = while_here(request, added_lines(desk, pid, name, data))
+        lines = with_breaths(added_lines(desk, pid, name, data))
         return StreamingResponse(lines, media_type="application/x-ndjson")
 
     @router.post("/marks")
