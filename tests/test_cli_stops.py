@@ -78,13 +78,14 @@ def test_a_stop_while_suggesting_accepts_no_label(run, folder, tmp_path, monkeyp
     assert new.label is None
 
 
-def test_ctrl_c_while_the_program_loads_is_one_line(tmp_path):
+@pytest.mark.parametrize("program", [["-m", "vqa_state", "--help"], [str(ROOT / "app.py")]])
+def test_ctrl_c_while_the_program_loads_is_one_line(tmp_path, program):
     """A package that it imports is interrupted, in code of its own as `exec` runs it."""
     (tmp_path / "pandas.py").write_text(
         "import os, signal\nexec('os.kill(os.getpid(), signal.SIGINT)\\nwhile True: pass')\n"
     )
     ended = subprocess.run(
-        [sys.executable, "-m", "vqa_state", "--help"],
+        [sys.executable, *program],
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
         cwd=tmp_path,
         capture_output=True,

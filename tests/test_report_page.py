@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from dataclasses import replace
 from html import escape
 from html.parser import HTMLParser
 
@@ -141,6 +142,15 @@ def test_provenance_names_program_assessment_and_rival(tuned):
     assert "3 resamples, seed 0, stopped by the user" in part
     assert "Rival: none, it was stopped" in part
     assert "Assessment: none" in page_of(tuned, None).split("<h2>Provenance</h2>")[1]
+
+
+def test_it_is_a_look_at_the_test_images_only_where_there_are_some(tuned):
+    found = results(tuned)
+    tuned.test_looks = 2
+    assert "looked at 3 times, this one included" in page_of(tuned, None)
+    alone = replace(found, test=None)
+    shown = report_page(tuned, alone, None, standings(tuned.chosen, alone, None))
+    assert "looked at" not in shown
 
 
 def test_without_an_assessment_it_says_so(tuned):

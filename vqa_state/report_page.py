@@ -151,10 +151,16 @@ def _provenance(project: Project, found: Results, assessed: Assessment | None) -
         f"generations, seed {saved.seed}, α {saved.weights.alpha:g}, β {saved.weights.beta:g}, "
         f"{'finished' if saved.finished else 'stopped by the user'}",
         *_assessed_how(assessed),
-        f"The test results were looked at {project.test_looks + 1} times, this one included",
+        *_looked(project, found),
         *report.look_alike_sentences(project),
         "Method: K. Kawaharazuka et al., ICRA 2023, arXiv 2303.05052",
     ]
+
+
+def _looked(project: Project, found: Results) -> list[str]:
+    n = project.test_looks + 1
+    times = "once, by this page" if n == 1 else f"{n} times, this one included"
+    return [f"The test results were looked at {times}"] if found.test else []
 
 
 def _assessed_how(assessed: Assessment | None) -> list[str]:
