@@ -34,8 +34,8 @@ TABLE_NOTES = (
     "★: the recommended kind of vote. Its estimate out of bag has the choice between the kinds "
     "repeated inside, those of the other kinds have not.",
     "train: on the images that chose the questions, so it flatters and carries no interval.",
-    "out of bag: on images that a repeated search did not see. Behind it stands an interval as wide "
-    "as that of so many images; that of a single state carries none, for it is less certain still.",
+    "out of bag: on images that a repeated search did not see. Behind it stands an interval as "
+    "wide as that of so many images; that of a single state has none, as it is less certain still.",
     "unknown, right at 90 %: of single out-of-bag votes, how many give no verdict, and how many "
     "verdicts are right when only the surest 90 % of the votes give one.",
     "test: on images that chose nothing, with exact 95 % intervals.",
