@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from vqa_state.evaluation import MissedImage
 from vqa_state.labelling import Suggestion
 from vqa_state.project import LabelledImage, Project, StateNames
 from vqa_state.questions import BuiltGrid, Form, Question
@@ -17,7 +16,6 @@ __all__ = [
     "image_card",
     "image_row",
     "images_value",
-    "missed_card",
     "note",
     "questions_value",
     "unfolding",
@@ -91,14 +89,6 @@ def questions_value(built: BuiltGrid, states: StateNames) -> Value:
 def image_card(project: Project, image_id: str, texts: Iterable[str]) -> Value:
     """One image with its raw answers to some questions, and how they voted."""
     return _card(project, image_id, image_answers(project, image_id, set(texts)))
-
-
-def missed_card(project: Project, missed: MissedImage, texts: Sequence[str]) -> Value:
-    """An image that was not recognized, with the reason in a word."""
-    card = image_card(project, missed.image_id, texts)
-    tie = missed.n_for == missed.n_against
-    reason = "no clear answer" if missed.no_answer else "a tie" if tie else "outvoted"
-    return card | {"note": f"{card['note']} · {reason}"}
 
 
 def _card(project: Project, image_id: str, answers: Sequence[ImageAnswer]) -> Value:
