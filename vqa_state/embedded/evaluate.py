@@ -1,9 +1,15 @@
-"""`python -m vqa_state.embedded.evaluate --out DIR`: measure the shipped weights."""
+"""`python -m vqa_state.embedded.evaluate --out DIR`: measure the shipped weights.
+
+Pictures, answers and each task's numbers are kept in DIR. The same command goes on behind the last
+task that is finished.
+"""
 
 import argparse
+import datetime
 import json
+import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,15 +23,17 @@ from vqa_state.answers import AnswerTable
 from vqa_state.embedded.calibration import calibration_error, reliability
 from vqa_state.embedded.card import with_tables
 from vqa_state.embedded.dataset import Example, load_examples
-from vqa_state.embedded.experiments import asked_with, cues_about, questions_about
-from vqa_state.embedded.gains import summarise_gains
-from vqa_state.embedded.lexicon import HELD_OUT_NOUNS
-from vqa_state.embedded.measuring import TaskNumbers, ask, balanced, measure_task
+from vqa_state.embedded.experiments import cues_about, questions_about
+from vqa_state.embedded.gains import summarise_gains, summarise_groups
+from vqa_state.embedded.kept_answers import Asker
+from vqa_state.embedded.kept_tasks import measure_once
+from vqa_state.embedded.measuring import TaskNumbers
 from vqa_state.embedded.photos import load_photos
 from vqa_state.embedded.predictor import MAX_IMAGES, Predictor
 from vqa_state.embedded.render import render_split
 from vqa_state.embedded.scenes import PAPER_THINGS, Split
 from vqa_state.embedded.simulators import MEASURING_TASKS, load_tasks, render_tasks
+from vqa_state.embedded.strangers import measure_nouns, measure_premises
 from vqa_state.embedded.weights import (
     WEIGHTS,
     count_parameters,
@@ -33,13 +41,11 @@ from vqa_state.embedded.weights import (
     read_header,
     weights_digest,
 )
-from vqa_state.scores import count, score
 
-__all__ = ["main"]
+__all__ = ["as_json", "main", "speed_kept"]
 
-#: Asked about things that they do not fit: every "yes" or "no" is a mistake.
-_FALSE_PREMISE = {"light": "handbag", "display": "water", "handbag": "display", "water": "light"}
-_OTHERWISE = "water"
+#: A list that holds no list and no table.
+_FLAT_LIST = re.compile(r"\[[^\[\]{}]*\]")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -52,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     torch.set_num_threads(chosen.threads)
     numbers = _measure(chosen)
     if chosen.json is not None:
-        chosen.json.write_text(json.dumps(numbers, indent=1) + "\n", "utf-8")
+        chosen.json.write_text(as_json(numbers), "utf-8")
     if chosen.card is not None:
         chosen.card.write_text(with_tables(chosen.card.read_text("utf-8"), numbers), "utf-8")
 
@@ -68,6 +74,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--json", type=Path, metavar="FILE", help="where the numbers go")
     parser.add_argument(
         "--card", type=Path, metavar="FILE", help="the model card to bring up to date"
+    )
+    parser.add_argument(
+        "--time", action="store_true", help="take the time anew; the machine must be idle"
     )
     parser.add_argument("--processes", type=int, default=2, help="for rendering")
     parser.add_argument("--threads", type=int, default=2, help="for the network")
@@ -91,46 +100,40 @@ def _tasks(chosen: argparse.Namespace) -> list[tuple[str, str, list[Example]]]:
 
 def _measure(chosen: argparse.Namespace) -> dict[str, Any]:
     predictor = Predictor(chosen.weights)
+    asker = Asker(predictor, weights_digest(chosen.weights), chosen.out / "answers")
+    tasks = _tasks(chosen)
+    scenes = {name: pictures for name, group, pictures in tasks if group == "scenes"}
     rows: list[TaskNumbers] = []
-    held_out: list[dict[str, Any]] = []
     stated: dict[str, list[AnswerTable]] = {}
-    for name, group, pictures in track(_tasks(chosen), description="measuring"):
+    for name, group, pictures in track(tasks, description="measuring"):
         thing = pictures[0].thing
         grid = questions_about(thing)
         known = {question.text for question in grid}
         cues = tuple(cue for cue in cues_about(thing) if cue.text not in known)
-        table = ask(predictor, pictures, (*grid, *cues))
-        rows.append(measure_task(name, group, table, len(grid)))
-        print(json.dumps({k: v for k, v in asdict(rows[-1]).items() if k[:4] != "gain"}))
+        table = asker.ask(pictures, (*grid, *cues))
+        rows.append(measure_once(chosen.out / "tasks", name, group, table, len(grid)))
+        print(json.dumps({k: v for k, v in asdict(rows[-1]).items() if k != "tally"}), flush=True)
         stated.setdefault(group, []).append(table)
-        if group == "scenes":
-            held_out.append(_other_words(predictor, thing, pictures[:60]))
     return {
-        "file": _file_facts(chosen.weights, predictor, chosen.threads),
-        "tasks": [_without_gains(row) for row in rows],
+        "file": _file_facts(chosen.weights),
+        "speed": _speed(chosen, predictor),
+        "tasks": [asdict(row) for row in rows],
+        "groups": summarise_groups(rows),
         "gains": summarise_gains(rows),
         "calibration": {group: _calibration(tables) for group, tables in stated.items()},
-        "held_out_nouns": held_out,
+        "nouns": [
+            row for thing, shown in scenes.items() for row in measure_nouns(asker, thing, shown)
+        ],
+        "premises": [
+            measure_premises(asker, thing, shown, tuple(scenes)) for thing, shown in scenes.items()
+        ],
     }
 
 
-def _without_gains(row: TaskNumbers) -> dict[str, Any]:
-    facts = asdict(row)
-    return {name: value for name, value in facts.items() if not name.startswith("gain")}
-
-
-def _other_words(predictor: Predictor, thing: str, pictures: list[Example]) -> dict[str, Any]:
-    """Accuracy with nouns that training never used, and answers to questions that do not fit."""
-    unknown = asked_with(thing, HELD_OUT_NOUNS[thing])
-    of_unknown = count(ask(predictor, pictures, unknown))
-    unfit = ask(predictor, pictures[:20], questions_about(_FALSE_PREMISE.get(thing, _OTHERWISE)))
-    result = score(of_unknown, range(len(unknown)))
-    return {
-        "thing": thing,
-        "nouns": list(HELD_OUT_NOUNS[thing]),
-        "balanced": round(balanced(result.recognized, of_unknown.labels), 4),
-        "refused": round(float((unfit.verdicts == 0).mean()), 4),
-    }
+def as_json(numbers: Mapping[str, Any]) -> str:
+    """JSON with a list of plain values on one line, so that a person can read the rest."""
+    text = json.dumps(numbers, indent=1)
+    return _FLAT_LIST.sub(lambda found: f"[{' '.join(found.group()[1:-1].split())}]", text) + "\n"
 
 
 def _calibration(tables: Sequence[AnswerTable]) -> dict[str, Any]:
@@ -155,16 +158,34 @@ def _one_a_scene(examples: Sequence[Example]) -> list[Example]:
     ]
 
 
-def _file_facts(path: Path, predictor: Predictor, threads: int) -> dict[str, Any]:
-    _time(predictor)  # the first run takes memory, which the next ones have
+def _file_facts(path: Path) -> dict[str, Any]:
     return {
         "digest": weights_digest(path),
         "megabytes": round(path.stat().st_size / 1e6, 2),
-        "training": read_header(path),
+        "training": dict(sorted(read_header(path).items())),
         "parameters": count_parameters(load_network(path)),
-        "seconds_120x64": round(_time(predictor), 1),
-        "threads": threads,
     }
+
+
+def _speed(chosen: argparse.Namespace, predictor: Predictor) -> dict[str, Any] | None:
+    """The time taken now, if the user says that the machine is idle, else the one in `--json`."""
+    if not chosen.time:
+        return speed_kept(chosen.json, weights_digest(chosen.weights))
+    _time(predictor)  # the first run takes memory, which the next ones have
+    return {
+        "seconds_120x64": round(_time(predictor), 1),
+        "threads": chosen.threads,
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+    }
+
+
+def speed_kept(file: Path | None, weights: str) -> dict[str, Any] | None:
+    """The time that an earlier run on an idle machine wrote about the same weights, or None."""
+    if file is None or not file.exists():
+        return None
+    former = json.loads(file.read_text("utf-8"))
+    speed: dict[str, Any] | None = former.get("speed")
+    return speed if former["file"]["digest"] == weights else None
 
 
 def _time(predictor: Predictor) -> float:

@@ -1,52 +1,55 @@
-"""What the search gains, with intervals over tasks and over pictures."""
+"""What the search gains, and the groups' means, with intervals over tasks and over pictures."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from scipy import stats
+from vqa_state.embedded.intervals import mean_interval, resampled, spread
+from vqa_state.embedded.measuring import WAYS, TaskNumbers
 
-from vqa_state.embedded.measuring import TaskNumbers
+__all__ = ["COMPARISONS", "summarise_gains", "summarise_groups"]
 
-__all__ = ["summarise_gains"]
-
-_CONFIDENCE = 0.95
+#: Name -> (a way of choosing questions, the way that it is compared with).
+COMPARISONS: Mapping[str, tuple[str, str]] = {
+    "over_all": ("s_plus", "s_all"),
+    "over_single": ("s_plus", "single"),
+    "random_over_all": ("s_plus_random", "s_all"),
+    "random_over_single": ("s_plus_random", "single"),
+}
 
 
 def summarise_gains(rows: Sequence[TaskNumbers]) -> dict[str, Any]:
-    """Mean gain of s+ on scenes and foreign tasks together, paired, with 95 % intervals.
+    """Mean gains on scenes and foreign tasks together, paired, with 95 % intervals."""
+    used = [row for row in rows if row.group in ("scenes", "foreign") and row.s_plus is not None]
+    return {name: _mean(used, *ways) for name, ways in COMPARISONS.items()}
 
-    "tasks" treats the tasks as a sample of tasks (t interval of their mean differences of balanced
-    accuracies); "pictures" treats the tested pictures as a sample (normal interval of the mean over
-    pictures, each one's gain averaged over the draws in which it was tested).
+
+def summarise_groups(rows: Sequence[TaskNumbers]) -> dict[str, Any]:
+    """Of each group: its tasks with a search, means of all ways, and gains, with intervals."""
+    groups = {}
+    for group in dict.fromkeys(row.group for row in rows):
+        used = [row for row in rows if row.group == group and row.s_plus is not None]
+        if used:
+            groups[group] = {
+                "tasks": [row.name for row in used],
+                "means": {way: _mean(used, way) for way in WAYS},
+                "gains": {name: _mean(used, *ways) for name, ways in COMPARISONS.items()},
+            }
+    return groups
+
+
+def _mean(rows: Sequence[TaskNumbers], way: str, minus: str | None = None) -> dict[str, Any]:
+    """Mean over tasks of a balanced accuracy or of a difference of two.
+
+    "tasks" treats the tasks as a sample of tasks; None where they are too few. "pictures" keeps
+    the tasks and draws their pictures anew.
     """
-    used = [row for row in rows if row.group in ("scenes", "foreign")]
-    over_all = [row.s_plus - row.s_all for row in used if row.s_plus is not None]
-    over_single = [
-        row.s_plus - row.single for row in used if row.s_plus is not None and row.single is not None
-    ]
+    tallies = [row.tally for row in rows]
+    values = [tally.balanced(way, minus) for tally in tallies]
     return {
-        "over_all": {
-            "tasks": _t_interval(over_all),
-            "pictures": _t_interval([gain for row in used for gain in row.gain_over_all]),
-        },
-        "over_single": {
-            "tasks": _t_interval(over_single),
-            "pictures": _t_interval([gain for row in used for gain in row.gain_over_single]),
-        },
-    }
-
-
-def _t_interval(values: Sequence[float]) -> dict[str, float | int]:
-    """Mean and its two-sided 95 % interval; n is how many values."""
-    n = len(values)
-    mean = math.fsum(values) / n
-    error = float(np.std(values, ddof=1)) / math.sqrt(n)
-    reach = float(stats.t.ppf((1 + _CONFIDENCE) / 2, n - 1)) * error
-    return {
-        "n": n,
-        "mean": round(mean, 4),
-        "low": round(mean - reach, 4),
-        "high": round(mean + reach, 4),
+        "n_tasks": len(rows),
+        "n_pictures": sum(row.n_positive + row.n_negative for row in rows),
+        "mean": round(math.fsum(values) / len(values), 4),
+        "tasks": mean_interval(values),
+        "pictures": spread(resampled(tallies, way, minus)),
     }

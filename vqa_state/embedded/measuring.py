@@ -1,8 +1,8 @@
 """How good the embedded model is on one task, by the paper's rules, averaged over random draws."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,19 +11,34 @@ from PIL import Image
 from vqa_state.answers import Answer, AnswerTable
 from vqa_state.augment import Augmentation, copies
 from vqa_state.embedded.dataset import Example
+from vqa_state.embedded.intervals import Tally, balanced_interval
 from vqa_state.embedded.predictor import Predictor
 from vqa_state.images import pixel_hash
 from vqa_state.questions import Question
 from vqa_state.scores import Counts, Objective, count, question_stats, score
 from vqa_state.search.genetic import search
 
-__all__ = ["N_DRAWS", "N_PER_STATE", "TaskNumbers", "ask", "balanced", "measure_task"]
+__all__ = [
+    "N_DRAWS",
+    "N_PER_STATE",
+    "WAYS",
+    "TaskNumbers",
+    "ask",
+    "balanced",
+    "labels_of",
+    "measure_task",
+    "names_of",
+    "whole_tally",
+]
 
 #: Labelled pictures of each state that s+ is chosen on; as many as in the paper.
 N_PER_STATE = 10
 
 #: Random choices of those pictures.
 N_DRAWS = 20
+
+#: Ways of choosing questions, see `TaskNumbers`.
+WAYS = ("s_plus", "s_plus_random", "s_plus_grid", "s_all", "all_questions", "single")
 
 _SEED = 0
 
@@ -32,16 +47,17 @@ _SEED = 0
 class TaskNumbers:
     """One task. Accuracies are balanced: the mean of the two states' recognized shares, in [0, 1].
 
-    `s_plus`, `single` and `s_all` are means over draws, each tested on the pictures that were not
-    drawn. `s_plus` and `single` choose among all questions, `s_all` asks the paper's grid,
-    `all_questions` everything. None where a state has too few pictures to draw from.
+    The ways of choosing questions (`WAYS`) are means over draws, each tested on the pictures that
+    were not drawn. None where a state has too few pictures to draw from; then `s_all` and
+    `all_questions` are tested on all pictures, once.
 
     Attributes:
         name: the task; `group` is scenes, foreign or photos.
         n_positive, n_negative: pictures of each state.
-        s_plus: the search's choice on 20 labelled pictures.
-        s_plus_grid: the same, choosing in the paper's grid only.
-        single: the question that is best on the same 20.
+        s_plus: the search's choice on 20 labelled pictures, among all questions.
+        s_plus_random: the same from a random first population, the paper's search to the letter.
+        s_plus_grid: the same as `s_plus`, choosing in the paper's grid only.
+        single: the question that is best on the same 20, among all questions.
         s_all: the paper's grid.
         all_questions: grid and cues together.
         called_positive: share of all pictures that the grid calls positive; 0.5 has no lean.
@@ -50,8 +66,8 @@ class TaskNumbers:
         invalid: share of Invalid answers in the grid.
         single_min, single_median, single_max, single_sd: accuracy of single questions among valid
             answers, over all questions.
-        gain_over_all, gain_over_single: for every picture, in how much larger a share of the draws
-            s+ recognized it when it was tested.
+        intervals: 95 % intervals of the ways that were tested.
+        tally: how often each picture was tested and recognized.
     """
 
     name: str
@@ -59,6 +75,7 @@ class TaskNumbers:
     n_positive: int
     n_negative: int
     s_plus: float | None
+    s_plus_random: float | None
     s_plus_grid: float | None
     single: float | None
     s_all: float
@@ -72,8 +89,8 @@ class TaskNumbers:
     single_median: float
     single_max: float
     single_sd: float
-    gain_over_all: list[float] = field(default_factory=list)
-    gain_over_single: list[float] = field(default_factory=list)
+    intervals: dict[str, list[float]]
+    tally: Tally
 
 
 def ask(
@@ -90,9 +107,17 @@ def ask(
                 meaning = meanings[column]
                 verdicts[row, copy_number, column] = Answer(text, p_yes).verdict(meaning)
                 p_positive[row, copy_number, column] = p_yes if meaning > 0 else 1 - p_yes
-    labels = np.array([1 if example.is_positive else -1 for example in examples], np.int8)
-    names = tuple(str(example.path) for example in examples)
-    return AnswerTable(names, questions, verdicts, p_positive, labels)
+    return AnswerTable(names_of(examples), questions, verdicts, p_positive, labels_of(examples))
+
+
+def labels_of(examples: Sequence[Example]) -> NDArray[np.int8]:
+    """+1 for the positive state, -1 for the other."""
+    return np.array([1 if example.is_positive else -1 for example in examples], np.int8)
+
+
+def names_of(examples: Sequence[Example]) -> tuple[str, ...]:
+    """What the pictures are called in tables."""
+    return tuple(str(example.path) for example in examples)
 
 
 def measure_task(
@@ -103,37 +128,52 @@ def measure_task(
     The first `n_grid` questions of the table are the paper's grid, the others are cues.
     """
     counts = count(table)
-    grid, everything = range(n_grid), range(table.n_questions)
-    accuracy = question_stats(counts).accuracy
-    both_states = min(int((table.labels == state).sum()) for state in (1, -1))
+    of_grid = score(counts, range(n_grid)).recognized
     draws = _Draws(table, n_grid)
-    if both_states > N_PER_STATE:
+    if min(int((table.labels == state).sum()) for state in (1, -1)) > N_PER_STATE:
         for number in range(n_draws):
             draws.add(np.random.default_rng([_SEED, number]))
-    of_grid = score(counts, grid)
+    else:
+        draws.add_unsearched()
+    tally = draws.tally()
+    means = {way: round(tally.balanced(way), 4) for way in tally.recognized}
     return TaskNumbers(
         name=name,
         group=group,
         n_positive=int((table.labels == 1).sum()),
         n_negative=int((table.labels == -1).sum()),
-        s_plus=draws.mean("s_plus"),
-        s_plus_grid=draws.mean("s_plus_grid"),
-        single=draws.mean("single"),
-        s_all=draws.mean("s_all") or round(balanced(of_grid.recognized, counts.labels), 4),
-        all_questions=draws.mean("all_questions")
-        or round(balanced(score(counts, everything).recognized, counts.labels), 4),
-        called_positive=round(_called_positive(of_grid.recognized, counts.labels), 4),
+        s_plus=means.get("s_plus"),
+        s_plus_random=means.get("s_plus_random"),
+        s_plus_grid=means.get("s_plus_grid"),
+        single=means.get("single"),
+        s_all=means["s_all"],
+        all_questions=means["all_questions"],
+        called_positive=round(_called_positive(of_grid, counts.labels), 4),
         n_grid=n_grid,
         n_questions=table.n_questions,
-        n_used=draws.mean("n_used"),
-        invalid=round(of_grid.R_invalid, 4),
-        single_min=round(float(np.nanmin(accuracy)), 3),
-        single_median=round(float(np.nanmedian(accuracy)), 3),
-        single_max=round(float(np.nanmax(accuracy)), 3),
-        single_sd=round(float(np.nanstd(accuracy)), 3),
-        gain_over_all=draws.gain("s_all"),
-        gain_over_single=draws.gain("single"),
+        n_used=draws.n_used(),
+        invalid=round(score(counts, range(n_grid)).R_invalid, 4),
+        **_spread_of_singles(counts),
+        intervals={way: balanced_interval(tally, way) for way in means},
+        tally=tally,
     )
+
+
+def whole_tally(table: AnswerTable) -> Tally:
+    """All questions, on all pictures, once; the way is called "asked"."""
+    recognized = score(count(table), range(table.n_questions)).recognized
+    once = np.ones(table.n_images, int).tolist()
+    return Tally(table.labels.tolist(), once, {"asked": recognized.astype(int).tolist()})
+
+
+def _spread_of_singles(counts: Counts) -> dict[str, float]:
+    accuracy = question_stats(counts).accuracy
+    return {
+        "single_min": round(float(np.nanmin(accuracy)), 3),
+        "single_median": round(float(np.nanmedian(accuracy)), 3),
+        "single_max": round(float(np.nanmax(accuracy)), 3),
+        "single_sd": round(float(np.nanstd(accuracy)), 3),
+    }
 
 
 class _Draws:
@@ -142,9 +182,10 @@ class _Draws:
     def __init__(self, table: AnswerTable, n_grid: int) -> None:
         self._table = table
         self._grid = tuple(range(n_grid))
-        self._values: dict[str, list[float]] = {}
-        self._n_tested = np.zeros(table.n_images)
-        self._recognized: dict[str, NDArray[np.float64]] = {}
+        self._everything = tuple(range(table.n_questions))
+        self._used: list[int] = []
+        self._tested = np.zeros(table.n_images, np.int64)
+        self._recognized: dict[str, NDArray[np.int64]] = {}
 
     def add(self, rng: np.random.Generator) -> None:
         """Choose on ten random pictures a state, test on all others."""
@@ -153,35 +194,37 @@ class _Draws:
             own = np.flatnonzero(self._table.labels == state)
             is_training[rng.choice(own, N_PER_STATE, replace=False)] = True
         training = count(self._table.take(is_training))
-        tested = count(self._table.take(~is_training))
-        s_plus = _s_plus(training, range(training.n_questions))
         chosen = {
-            "s_plus": s_plus,
+            "s_plus": _s_plus(training, self._everything),
+            "s_plus_random": _s_plus(training, self._everything, singles_first=False),
             "s_plus_grid": _s_plus(training, self._grid),
             "single": (_best_single(training),),
             "s_all": self._grid,
-            "all_questions": tuple(range(training.n_questions)),
+            "all_questions": self._everything,
         }
-        self._n_tested += ~is_training
-        self._values.setdefault("n_used", []).append(len(s_plus))
-        for name, subset in chosen.items():
-            recognized = score(tested, subset).recognized
-            total = self._recognized.setdefault(name, np.zeros(self._table.n_images))
-            total[~is_training] += recognized
-            self._values.setdefault(name, []).append(balanced(recognized, tested.labels))
+        self._used.append(len(chosen["s_plus"]))
+        self._test(~is_training, chosen)
 
-    def mean(self, name: str) -> float | None:
-        """The mean over draws, or None without any."""
-        values = self._values.get(name)
-        return None if values is None else round(math.fsum(values) / len(values), 4)
+    def add_unsearched(self) -> None:
+        """Test what needs no choice on all pictures."""
+        everywhere = np.ones(self._table.n_images, bool)
+        self._test(everywhere, {"s_all": self._grid, "all_questions": self._everything})
 
-    def gain(self, other: str) -> list[float]:
-        """Of every tested picture: the share of draws with s+ minus that with `other`."""
-        if not self._recognized:
-            return []
-        tested = self._n_tested > 0
-        gains = (self._recognized["s_plus"] - self._recognized[other])[tested]
-        return [round(float(gain), 4) for gain in gains / self._n_tested[tested]]
+    def tally(self) -> Tally:
+        """What became of every picture."""
+        recognized = {way: times.tolist() for way, times in self._recognized.items()}
+        return Tally(self._table.labels.tolist(), self._tested.tolist(), recognized)
+
+    def n_used(self) -> float | None:
+        """Mean number of questions in s+, or None without a search."""
+        return round(sum(self._used) / len(self._used), 4) if self._used else None
+
+    def _test(self, is_tested: NDArray[np.bool_], chosen: Mapping[str, tuple[int, ...]]) -> None:
+        tested = count(self._table.take(is_tested))
+        self._tested += is_tested
+        for way, subset in chosen.items():
+            total = self._recognized.setdefault(way, np.zeros(self._table.n_images, np.int64))
+            total[is_tested] += score(tested, subset).recognized
 
 
 def balanced(recognized: NDArray[np.bool_], labels: NDArray[np.int8]) -> float:
@@ -195,14 +238,16 @@ def _called_positive(recognized: NDArray[np.bool_], labels: NDArray[np.int8]) ->
     return (of_positive + 1 - float(recognized[labels == -1].mean())) / 2
 
 
-def _s_plus(counts: Counts, columns: Sequence[int]) -> tuple[int, ...]:
+def _s_plus(
+    counts: Counts, columns: Sequence[int], *, singles_first: bool = True
+) -> tuple[int, ...]:
     """The search's choice among some of the questions."""
     own = np.array(columns)
     part = Counts(
         counts.correct[:, own], counts.wrong[:, own], counts.invalid[:, own], counts.labels
     )
     subset: tuple[int, ...] = ()
-    for report in search(part, Objective.S_PLUS, seed=_SEED):
+    for report in search(part, Objective.S_PLUS, seed=_SEED, singles_first=singles_first):
         subset = report.subset
     return tuple(columns[number] for number in subset)
 
