@@ -30,6 +30,7 @@ def failures(numbers: Mapping[str, Any]) -> str:
         *_search(numbers["groups"], numbers["tasks"]),
         _start(numbers["groups"]),
         _premises(numbers["premises"]),
+        _nouns(numbers["nouns"]),
     ]
     return "\n".join(f"- {line}" for line in lines)
 
@@ -157,6 +158,16 @@ def _premises(rows: Sequence[_Row]) -> str:
     return (
         f"**False premises.** Questions about a thing that is not there are refused in "
         f"{percent(mean)} on average over {len(pairs)} pairs of things, but unevenly; {named}."
+    )
+
+
+def _nouns(rows: Sequence[_Row]) -> str:
+    worst = min(rows, key=lambda row: float(row["balanced"]))
+    nouns = ", ".join(f'"{noun}"' for noun in worst["nouns"])
+    low, high = worst["interval"]
+    return (
+        f"**Nouns that were never taught.** Worst is {worst['thing'].replace('_', ' ')} as {nouns}: "
+        f"{percent(worst['balanced'])} (95 % interval {percent(low)} to {percent(high)})."
     )
 
 
