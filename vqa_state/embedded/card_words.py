@@ -165,8 +165,9 @@ def _nouns(rows: Sequence[_Row]) -> str:
     worst = min(rows, key=lambda row: float(row["balanced"]))
     nouns = ", ".join(f'"{noun}"' for noun in worst["nouns"])
     low, high = worst["interval"]
+    thing = worst["thing"].replace("_", " ")
     return (
-        f"**Nouns that were never taught.** Worst is {worst['thing'].replace('_', ' ')} as {nouns}: "
+        f"**Nouns that were never taught.** Worst is {thing} as {nouns}: "
         f"{percent(worst['balanced'])} (95 % interval {percent(low)} to {percent(high)})."
     )
 
