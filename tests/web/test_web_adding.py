@@ -87,11 +87,11 @@ def test_a_client_that_goes_away_stops_the_adding_and_keeps_what_came(
     assert len(desk.snapshot(pid).images) == n_kept
 
 
-def slowed(monkeypatch: pytest.MonkeyPatch) -> None:
+def slowed(monkeypatch: pytest.MonkeyPatch, seconds: float = 0.03) -> None:
     add = Project.add
 
     def slow(*arguments: Any) -> Any:
-        time.sleep(0.03)
+        time.sleep(seconds)
         return add(*arguments)
 
     monkeypatch.setattr(Project, "add", slow)

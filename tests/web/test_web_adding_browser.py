@@ -22,6 +22,13 @@ LEAVING = """() => {
   return leaving.defaultPrevented;
 }"""
 
+SECONDS_TO_STOP = """async () => {
+  const began = performance.now(), going = document.querySelector('.lg-going');
+  document.querySelector('.lg-stop').click();
+  while (!going.hidden) await new Promise((done) => setTimeout(done, 10));
+  return (performance.now() - began) / 1000;
+}"""
+
 
 def opened(desk: Desk, url: str, browser: Browser) -> tuple[Watched, str]:
     pid = desk.create("door", "open", "closed")
@@ -44,39 +51,38 @@ def until(holds: Callable[[], bool]) -> None:
 def test_a_zip_comes_in_bit_by_bit_and_stops_when_asked(
     desk: Desk, url: str, browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    slowed(monkeypatch)
+    slowed(monkeypatch, 0.2)  # half a minute in all, so that it never ends by itself
     file = tmp_path / "all.zip"
     file.write_bytes(zipped(120))
     watched, pid = opened(desk, url, browser)
     page = watched.page
-    assert not page.evaluate(LEAVING)
     news, cells = page.locator(".lg-news"), page.locator(".lg-cell")
     page.locator("#labels input[type=file]").set_input_files(file)
     expect(cells.first).to_be_visible()
     cells.first.click()
     page.keyboard.press("2")
     until(lambda: images(desk, pid)[0].label == -1)  # saved while the ZIP comes in
-    assert page.evaluate(LEAVING)
     expect(news).to_contain_text("s left")
     expect(news).to_contain_text("of 120")
     assert 0 < float(page.locator(".lg-progress").get_attribute("value") or 0) < 1
-    began = time.monotonic()
-    page.locator(".lg-stop").click()
+    assert page.evaluate(SECONDS_TO_STOP) < 1
     expect(news).to_contain_text("added; drop the same files again to go on")
-    assert time.monotonic() - began < 1
     expect(page.locator(".lg-going")).to_be_hidden()
     page.wait_for_timeout(1500)
     n_kept = len(images(desk, pid))
-    assert 8 <= n_kept < 110
-    expect(cells).to_have_count(n_kept)
+    assert 2 <= n_kept < 120
+    expect(cells).to_have_count(n_kept)  # those of the last few, too, of which no line came
     expect(news).to_contain_text(f"Stopped: {n_kept} added;")
     assert images(desk, pid)[0].label == -1
-    assert not page.evaluate(LEAVING)
+    monkeypatch.undo()
     page.locator("#labels input[type=file]").set_input_files(file)
     expect(news).to_have_text(f"{120 - n_kept} added · {n_kept - 1} already there · 1 refused:")
     expect(cells).to_have_count(120)
-    watched.forget_broken_streams()
     assert watched.faults == []
+    slowed(monkeypatch, 0.2)
+    page.locator("#labels input[type=file]").set_input_files(file)
+    expect(page.locator(".lg-going")).to_be_visible()
+    assert page.evaluate(LEAVING)  # last, since gradio then takes the page for left
     page.close()
 
 
