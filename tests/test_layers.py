@@ -52,6 +52,7 @@ ORDER = [
     "assessing",
     "exporting",
     "standing_rows",
+    "advice",
     "standings_words",
     "standings",
     "suggesting",

@@ -10,6 +10,7 @@ from scipy.stats import binomtest
 from test_assessing import Colours
 from tuned_project import tuned_copy
 
+from vqa_state.advice import cheaper_objective_sentence, everything_sentence
 from vqa_state.assessing import assess
 from vqa_state.comparing import compare
 from vqa_state.coverage import CoveragePoint
@@ -20,7 +21,6 @@ from vqa_state.splits import Split
 from vqa_state.standing_rows import RIVAL, SideScore, Standing, Standings
 from vqa_state.standings import standings
 from vqa_state.standings_words import (
-    cheaper_objective_sentence,
     comparison_sentences,
     standings_frame,
     warning_sentences,
@@ -224,6 +224,32 @@ def test_no_objective_is_named_that_does_worse_or_costs_as_much(n_calls, n_recog
     assert cheaper_objective_sentence(rows, Objective.S_PLUS, is_assessed=True) == ""
 
 
+# --- or all questions -------------------------------------------------------------------------
+
+
+def said_of_all(n_recognized, kept, n_calls=312):
+    everything = costing(
+        "s_all", 384, n_recognized, estimate=Estimate(n_recognized / 20, *[NAN] * 5)
+    )
+    rows = [costing("s+", n_calls, 20, recommended=True), replace(everything, n_questions=64)]
+    return everything_sentence(rows, SimpleNamespace(recommended_estimate=estimate(kept)))
+
+
+def test_all_questions_that_do_as_well_or_better_are_told():
+    assert said_of_all(18, 0.90) == (
+        "All 64 questions together, which no image chose, recognize 18 of 20 training images; the "
+        "recommended vote keeps 18.0 out of bag. So the choice gains no accuracy here but saves "
+        "calls (312 instead of 384)."
+    )
+    assert "loses accuracy here but saves calls" in said_of_all(19, 0.90)
+    assert "gains no accuracy here." in said_of_all(18, 0.90, n_calls=384)
+
+
+def test_all_questions_that_do_worse_or_are_not_known_are_not_told():
+    assert said_of_all(17, 0.90) == said_of_all(18, NAN) == ""
+    assert everything_sentence([costing("s+", 6, 20, recommended=True)], None) == ""
+
+
 # --- in a project -----------------------------------------------------------------------------
 
 
@@ -237,6 +263,25 @@ def with_turned_labels(project, split):
     for image in project.labelled(split):
         project.set_labels([image.id], -image.label)
     return project
+
+
+def test_what_no_image_chose_keeps_its_training_score_out_of_bag(tuned):
+    kept = None
+    for last in assess(tuned, features=Colours, n_resamples=3):
+        kept = last.assessment
+    found = results(tuned)
+    rows = {one.name: one for one in standings(tuned.chosen, found, kept).rows}
+    for name in ("s_all", "s_is", "s_does"):
+        n_right, n_images = rows[name].train.whole
+        assert rows[name].estimate.share == n_right / n_images
+        assert _cell(rows[name]) == f"{n_right:.1f} of {n_images}"
+    assert rows["best question"].estimate is None
+    assert all(one.estimate is None for one in standings(tuned.chosen, found, None).rows)
+
+
+def _cell(one):
+    (cells,) = frame(one)
+    return cells["out of bag"]
 
 
 def test_the_advice_names_the_cheaper_objective_by_training_images_alone(tuned):

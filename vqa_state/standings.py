@@ -4,6 +4,7 @@ Everything was chosen and trained on training images. The test columns are a loo
 images; whoever shows them counts it.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -11,6 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.abstaining import AbstainRule
+from vqa_state.advice import (
+    cheaper_objective_sentence,
+    everything_sentence,
+    recommendation_sentence,
+)
 from vqa_state.answers import AnswerTable
 from vqa_state.assessing import Assessment
 from vqa_state.checking import Pace
@@ -24,15 +30,17 @@ from vqa_state.searches import Results
 from vqa_state.standing_rows import CAREFUL, RIVAL, Missed, SideScore, Standing, Standings
 from vqa_state.standings_words import (
     badge_sentences,
-    cheaper_objective_sentence,
     comparison_sentences,
-    recommendation_sentence,
     standings_frame,
     warning_sentences,
 )
+from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
 __all__ = ["RIVAL", "Missed", "SideScore", "Standing", "Standings", "standings", "standings_frame"]
+
+UNCHOSEN = frozenset({Candidate.S_ALL, Candidate.S_IS, Candidate.S_DOES})
+"""Sets for which no image chose anything: what they recognize of any image is no flattery."""
 
 Mask = NDArray[np.bool_]
 Sides = NDArray[np.int8]
@@ -64,6 +72,7 @@ def standings(
     is_assessed = assessed is not None
     advice = (
         recommendation_sentence(assessed),
+        everything_sentence(rows, assessed),
         cheaper_objective_sentence(rows, chosen, is_assessed=is_assessed),
     )
     return Standings(
@@ -102,7 +111,9 @@ class _Maker:
             yield self._voting(f"{chosen.value} of the paper's search", _paper(paper.subset))
         for row in self._found.evaluation.rows:
             if row.name.value not in set(Objective):
-                yield self._voting(row.name.value, _paper(row.subset))
+                entry = self._voting(row.name.value, _paper(row.subset))
+                is_open = assessed is not None and row.name in UNCHOSEN
+                yield _with_own_score(entry) if is_open else entry
         yield from self._rival()
 
     def _voting(self, name: str, vote: FittedVote) -> _Entry:
@@ -180,6 +191,17 @@ def _with_estimates(entry: _Entry, assessed: Assessment, kind: VoteKind) -> _Ent
         careful=choose_point(curve, CAREFUL) if curve else None,
     )
     return _Entry(row, entry.test)
+
+
+def _with_own_score(entry: _Entry) -> _Entry:
+    """Repeated without an image, no choice would be another: its training score is out of bag."""
+    train, unknown = entry.row.train, math.nan
+    whole, positive, negative = (
+        n_right / n_images if n_images else unknown
+        for n_right, n_images in (train.whole, train.positive, train.negative)
+    )
+    own = Estimate(whole, positive, negative, unknown, unknown, unknown)
+    return _Entry(replace(entry.row, estimate=own), entry.test)
 
 
 def _name(objective: Objective, kind: VoteKind) -> str:

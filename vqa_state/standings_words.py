@@ -23,9 +23,7 @@ __all__ = [
     "TABLE_NOTE",
     "TABLE_NOTES",
     "badge_sentences",
-    "cheaper_objective_sentence",
     "comparison_sentences",
-    "recommendation_sentence",
     "standings_frame",
     "warning_sentences",
 ]
@@ -38,6 +36,8 @@ TABLE_NOTES = (
     "wide as that of so many images; that of a single state has none, as it is less certain still.",
     "unknown, right at 90 %: of single out-of-bag votes, how many give no verdict, and how many "
     "verdicts are right when only the surest 90 % of the votes give one.",
+    "s_all, s_is and s_does: no image chose their questions, so their training score is no "
+    "flattery and stands out of bag as well.",
     "test: on images that chose nothing, with exact 95 % intervals.",
     "An unknown verdict counts as not recognized.",
 )
@@ -59,54 +59,6 @@ def badge_sentences(found: Results) -> list[str]:
 def standings_frame(table: Standings) -> pd.DataFrame:
     """The table as a person reads it."""
     return pd.DataFrame([_words(row) for row in table.rows])
-
-
-def recommendation_sentence(assessed: Assessment | None) -> str:
-    """Which kind of vote to take, and why; "" without an assessment."""
-    if assessed is None:
-        return ""
-    one, expected, n_images = (
-        assessed.recommendation,
-        assessed.recommended_estimate,
-        len(assessed.margins),
-    )
-    said = f"Recommended: the vote by {one.kind.value!r}, because {one.reason}."
-    if math.isnan(expected.share):
-        return said
-    return (
-        f"{said} To be picked by such numbers flatters a vote; with the choice repeated on every "
-        f"resample, it is {expected.share * n_images:.1f} of {n_images}."
-    )
-
-
-def cheaper_objective_sentence(
-    rows: Sequence[Standing], chosen: Objective, *, is_assessed: bool
-) -> str:
-    """Whether the set of another objective does as well on training images with fewer calls.
-
-    Args:
-        rows: of the table; the recommended one is compared, or the first if none is.
-        chosen: the project's objective, whose rows come first.
-        is_assessed: whether that objective is; others never are in the same table.
-
-    Returns:
-        One sentence about the cheapest, and how to assess it; "" if there is none.
-    """
-    own = next((row for row in rows if row.recommended), rows[0])
-    others = [row for row in rows if row.name in set(Objective) - {chosen}]
-    as_good = [row for row in others if row.train.whole[0] >= own.train.whole[0]]
-    cheaper = [row for row in as_good if row.n_calls < own.n_calls]
-    if not cheaper:
-        return ""
-    best = min(cheaper, key=lambda row: row.n_calls)
-    more = best.train.whole[0] > own.train.whole[0]
-    instead = f" instead of {own.train.whole[0]}" if more else ""
-    return (
-        f"{best.name} recognizes {'more' if more else 'as many'} training images "
-        f"({_share(best.train.whole)}{instead}) with {best.n_calls} calls instead of "
-        f"{own.n_calls}; to estimate it out of bag, choose it (on Recognizer, or with `export "
-        f"--objective {best.name}`) and assess{' again' if is_assessed else ' it'}."
-    )
 
 
 def comparison_sentences(
@@ -247,8 +199,9 @@ def _estimated(row: Standing, n_images: int) -> dict[str, object]:
     if one is None or math.isnan(one.share):
         return dict.fromkeys(("out of bag", "out of bag, positive", "out of bag, negative"), "–")
     low, high = one.low * n_images, one.high * n_images
+    between = "" if math.isnan(low) else f" ({low:.1f}–{high:.1f})"
     return {
-        "out of bag": f"{_part(one.share, n_images)} ({low:.1f}–{high:.1f})",
+        "out of bag": f"{_part(one.share, n_images)}{between}",
         "out of bag, positive": _part(one.positive, row.train.positive[1]),
         "out of bag, negative": _part(one.negative, row.train.negative[1]),
     }
