@@ -31,6 +31,12 @@ def _nobodys_home(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
+def _home_of_its_own(monkeypatch, tmp_path_factory):
+    """Nor what another test found out about a model of the same fingerprint."""
+    monkeypatch.setenv("VQA_STATE_HOME", str(tmp_path_factory.mktemp("home")))
+
+
+@pytest.fixture(autouse=True)
 def bare_environment(monkeypatch):
     """No test sends a key that its machine has."""
     for name in ("VQA_STATE_KEYS", "OPENAI_API_KEY"):
