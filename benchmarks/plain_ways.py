@@ -76,10 +76,12 @@ def plain_vilt(folder: Path) -> Ask:
 
 def plain_chat(folder: Path) -> Ask:
     """`apply_chat_template` and `generate`, as every model's page on the hub shows it."""
-    from transformers import AutoModelForImageTextToText, AutoProcessor
+    from transformers import AutoImageProcessor, AutoModelForImageTextToText, AutoProcessor
 
     processors: Any = AutoProcessor
+    images: Any = AutoImageProcessor
     processor = processors.from_pretrained(folder)
+    processor.image_processor = images.from_pretrained(folder, backend="pil")
     model: Any = AutoModelForImageTextToText.from_pretrained(folder)
     template, end = prompt_for(model.config.model_type), model.generation_config.eos_token_id
 

@@ -66,6 +66,10 @@ def loaded(folder_of):
 def plain(folder, images, questions, template="{question} Answer yes or no.", **more):
     """What transformers says to one question at a time: (tokens, first-step logits) by pair."""
     processor = transformers.AutoProcessor.from_pretrained(folder)
+    # With Pillow, as ours: where torchvision is installed, it would resize otherwise.
+    processor.image_processor = transformers.AutoImageProcessor.from_pretrained(
+        folder, backend="pil"
+    )
     model = transformers.AutoModelForImageTextToText.from_pretrained(folder, **more)
     said = {}
     for i, image in enumerate(images):
