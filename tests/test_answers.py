@@ -208,7 +208,7 @@ def test_a_clear_first_word_is_read(first, rest):
 def test_a_very_long_text_takes_no_long_time(piece):
     began = time.perf_counter()
     read_answer(piece * 50_000)
-    assert time.perf_counter() - began < 20  # minutes, if it were not linear
+    assert time.perf_counter() - began < 2
 
 
 @pytest.mark.parametrize(

@@ -76,8 +76,8 @@ def test_no_whole_answer_in_time_is_a_failure(stub, script):
     found = outcomes(model_of(stub, IMPATIENT), ["good", "bad"])
     assert "no whole answer within 0.2 seconds" in found[0, "bad"].reason
     assert found[0, "good"] == Answer("Yes.")
-    # Two tries of 0.2 seconds, and what a busy machine adds.
-    assert 0.4 < time.monotonic() - began < 5
+    # Two tries of 0.2 seconds, and what a busy machine adds: 0.9 at most in ten runs.
+    assert 0.4 < time.monotonic() - began < 1.5
 
 
 def test_an_answer_has_a_deadline_with_all_its_tries(stub):
@@ -85,7 +85,7 @@ def test_an_answer_has_a_deadline_with_all_its_tries(stub):
     budget = CallBudget(retries=1000, run_retries=1000, answer_seconds=0.3, first_wait_seconds=0.02)
     began = time.monotonic()
     assert "500" in outcomes(model_of(stub, budget), ["bad"])[0, "bad"].reason
-    assert 0.2 < time.monotonic() - began < 5
+    assert 0.2 < time.monotonic() - began < 0.8
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_a_server_that_is_gone_is_not_waited_for_by_every_pair_and_is_found_agai
         assert {type(one) for one in found.values()} == {Failure}
     assert "nothing answers at" in found[0, "q0"].reason
     assert (
-        time.monotonic() - began < 10
+        time.monotonic() - began < 2
     )  # 20 runs of 64 pairs; each pair has tries and waits to lose
     with Stub(port=gone.port):
         assert set(outcomes(model).values()) == {Answer("Yes.")}
@@ -154,7 +154,7 @@ def test_retry_after_is_waited_for(stub):
     times: list[float] = []
     stub.script = first_429({"retry-after": "0.25"}, times)
     assert outcomes(model_of(stub), ["q"])[0, "q"] == Answer("Yes.")
-    assert 0.25 <= times[1] - times[0] < 5
+    assert 0.25 <= times[1] - times[0] < 1
 
 
 def test_a_wait_that_is_too_long_is_left_to_the_user(stub):
@@ -162,7 +162,7 @@ def test_a_wait_that_is_too_long_is_left_to_the_user(stub):
     began = time.monotonic()
     found = outcomes(model_of(stub), [f"q{n}" for n in range(20)])
     assert "asks to wait 3600 seconds" in found[0, "q0"].reason
-    assert time.monotonic() - began < 5  # not an hour
+    assert time.monotonic() - began < 1
     assert len(stub.calls) == 1
 
 
@@ -170,7 +170,7 @@ def test_a_wait_that_is_too_long_is_left_to_the_user(stub):
 
 
 @pytest.mark.parametrize("script", [hang, error(500)], ids=["hanging", "backing off"])
-def test_a_stop_waits_for_nobody_while_nothing_comes(stub, script):
+def test_a_stop_ends_within_a_second_while_nothing_comes(stub, script):
     stub.script = only_bad(script)
     slow = CallBudget(retries=100, first_wait_seconds=30.0, longest_wait_seconds=60.0)
     model, stopped_at = model_of(stub, slow), []
@@ -181,7 +181,7 @@ def test_a_stop_waits_for_nobody_while_nothing_comes(stub, script):
         return bool(stopped_at)
 
     replies = list(model.answer_until([draw(0)], ["good", "bad", "bad 2", "bad 3"], stop))
-    assert time.monotonic() - stopped_at[0] < 5  # a second by promise, here on a busy machine
+    assert time.monotonic() - stopped_at[0] < 1
     assert [reply.question for reply in replies] == [0]
 
 
@@ -204,9 +204,9 @@ def test_closing_the_iterator_cancels_the_calls_in_flight(stub):
         time.sleep(0.01)
     began = time.monotonic()
     replies.close()
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 1
     for _ in stub.calls[40:]:
-        assert gone.acquire(timeout=5)
+        assert gone.acquire(timeout=1)
     n_calls = len(stub.calls)
     time.sleep(0.1)
     assert len(stub.calls) == n_calls

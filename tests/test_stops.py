@@ -1,4 +1,4 @@
-"""A stop is heard soon, at sizes where the work takes far longer."""
+"""A stop is heard within a second, at sizes where the work takes far longer."""
 
 import time
 
@@ -32,7 +32,7 @@ def test_the_comparison_hears_it_while_it_counts():
     reports = list(
         enumerate_subsets(draw_counts(0, 800, 24, p_invalid=0.1), Objective.S_PLUS, stop=stop)
     )
-    assert stop.unheard < 2  # a second by promise, here on a busy machine
+    assert stop.unheard < 1
     assert not reports[-1].finished
     assert reports[-1].n_most == 800  # nothing is known yet, and no subset recognizes more
 
@@ -48,7 +48,7 @@ def test_news_without_end_does_not_drown_it():
     for _ in work:
         pass
     assert work.stopped
-    assert stop.unheard < 2  # a second by promise, here on a busy machine
+    assert stop.unheard < 1
 
 
 def test_an_asker_asks_by_the_clock():
@@ -70,13 +70,13 @@ def test_building_a_large_model_hears_it():
         )
     )
     assert reports[-1].stopped
-    assert stop.unheard < 2  # a second by promise, here on a busy machine
+    assert stop.unheard < 1
 
 
 @pytest.mark.parametrize("objective", [Objective.S_PLUS, Objective.S_PRIME_MINUS])
 def test_a_large_proof_hears_it(objective):
     counts, stop = draw_counts(2, 300, 400, 6), Later(1)
     *_, report = prove(counts, objective, (0,), stop=stop)
-    assert stop.unheard < 2  # a second by promise, here on a busy machine
+    assert stop.unheard < 1
     assert report.stopped
     assert report.badge is Badge.FOUND
