@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from vqa_state.assessing import Assessment
 from vqa_state.evaluation import Candidate
 from vqa_state.scores import Objective
-from vqa_state.standing_rows import Standing
+from vqa_state.standing_rows import Standing, out_of
 from vqa_state.voting.choosing import NEAR
 
 __all__ = ["cheaper_objective_sentence", "everything_sentence", "recommendation_sentence"]
@@ -45,7 +45,7 @@ def everything_sentence(rows: Sequence[Standing], assessed: Assessment | None) -
         return ""
     said = (
         f"All {everything.n_questions} questions together, which no image chose, recognize "
-        f"{_of(everything.train.whole)} training images; the recommended vote keeps "
+        f"{out_of(everything.train.whole)} training images; the recommended vote keeps "
         f"{kept * n_images:.1f} out of bag"
     )
     saved = f" but saves calls ({own.n_calls} instead of {everything.n_calls})"
@@ -82,11 +82,7 @@ def cheaper_objective_sentence(
     instead = f" instead of {own.train.whole[0]}" if more else ""
     return (
         f"{best.name} recognizes {'more' if more else 'as many'} training images "
-        f"({_of(best.train.whole)}{instead}) with {best.n_calls} calls instead of "
+        f"({out_of(best.train.whole)}{instead}) with {best.n_calls} calls instead of "
         f"{own.n_calls}; to estimate it out of bag, choose it (on Recognizer, or with `export "
         f"--objective {best.name}`) and assess{' again' if is_assessed else ' it'}."
     )
-
-
-def _of(pair: tuple[int, int]) -> str:
-    return f"{pair[0]} of {pair[1]}"

@@ -8,7 +8,7 @@ from vqa_state.evaluation import Interval
 from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.kinds import VoteKind
 
-__all__ = ["CAREFUL", "RIVAL", "Missed", "SideScore", "Standing", "Standings"]
+__all__ = ["CAREFUL", "RIVAL", "Missed", "SideScore", "Standing", "Standings", "out_of"]
 
 RIVAL = "trained image classifier"
 
@@ -108,3 +108,8 @@ class Standings:
     recommendation: str
     warnings: tuple[str, ...]
     badges: tuple[str, ...]
+
+
+def out_of(pair: tuple[int, int]) -> str:
+    """Recognized images out of all, in words: "17 of 20"."""
+    return f"{pair[0]} of {pair[1]}"

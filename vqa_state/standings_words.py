@@ -15,7 +15,7 @@ from vqa_state.evaluation import Interval
 from vqa_state.scores import Objective
 from vqa_state.search.proof import Badge
 from vqa_state.searches import Results, SavedSearch
-from vqa_state.standing_rows import CAREFUL, RIVAL, Standing, Standings
+from vqa_state.standing_rows import CAREFUL, RIVAL, Standing, Standings, out_of
 from vqa_state.voting.choosing import NEAR
 from vqa_state.voting.estimates import Estimate, optimism_warning
 
@@ -173,7 +173,7 @@ def _words(row: Standing) -> dict[str, object]:
         "calls": row.n_calls or "–",
         "calls, stopping early": "–" if row.early_calls is None else f"{row.early_calls:.0f}",
         "ms": "–" if row.milliseconds is None else f"{row.milliseconds:.0f}",
-        "train": _share(row.train.whole),
+        "train": out_of(row.train.whole),
         **_estimated(row, n_images),
         **_careful(row),
         "test": "–" if test is None else _between(test.whole, test.interval),
@@ -207,15 +207,11 @@ def _estimated(row: Standing, n_images: int) -> dict[str, object]:
     }
 
 
-def _share(pair: tuple[int, int]) -> str:
-    return f"{pair[0]} of {pair[1]}"
-
-
 def _between(pair: tuple[int, int], interval: Interval) -> str:
     """With the interval in images; a state without images has none."""
     if pair[1] == 0:
         return "–"
-    return f"{_share(pair)} ({interval.low * pair[1]:.1f}–{interval.high * pair[1]:.1f})"
+    return f"{out_of(pair)} ({interval.low * pair[1]:.1f}–{interval.high * pair[1]:.1f})"
 
 
 def _part(share: float, n_images: int) -> str:

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from chromium import Watched, browser, open_tab, pytestmark, url
 from playwright.sync_api import Browser, Page, expect
 from stand_ins import picture
 from test_web_adding import slowed, zipped
-from test_web_browser import Watched, browser, open_tab, pytestmark, url
 
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.project import LabelledImage

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
+from chromium import Watched, browser, open_tab, pytestmark, type_into, url
 from playwright.sync_api import Browser, expect
-from test_web_browser import Watched, browser, open_tab, pytestmark, type_into, url
 
 from vqa_state.asking import plan
 from vqa_state.errors import VQAStateError

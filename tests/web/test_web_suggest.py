@@ -6,9 +6,9 @@ from functools import partial
 from typing import Any
 
 import pytest
+from chromium import Watched, browser, open_tab, pytestmark, url
 from playwright.sync_api import Browser, expect
 from stand_ins import Gate, finished, picture
-from test_web_browser import Watched, browser, open_tab, pytestmark, url
 
 from vqa_state.errors import NothingToSearchError
 from vqa_state.jobs import JobState

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from chromium import Watched, browser, open_tab, pytestmark, url
 from playwright.sync_api import Browser, Page, expect
-from test_web_browser import Watched, browser, open_tab, pytestmark, url
 from test_web_trust import Colours
 
 from vqa_state.asking import ask

@@ -21,7 +21,7 @@ from vqa_state.web.page import Page
 from vqa_state.web.tabs import reasons
 from vqa_state.web.tabs.missed import results_digest
 from vqa_state.web.taken import found_and_assessed
-from vqa_state.web.views import duration, note
+from vqa_state.web.views import note
 
 __all__ = ["Parts", "build", "wire"]
 
@@ -159,8 +159,8 @@ def _progress(snapshot: Snapshot) -> Any:
     share = one.n_done / max(one.n_total, 1)
     if snapshot.state is JobState.STOPPING:
         return note("Stopping… what came is kept.", share=share)
-    left = report.seconds_left
-    words = "" if left is None else f", about {duration(left)} left of this step"
+    left = watching.left(report.seconds_left)
+    words = f"{left} of this step" if left else ""
     text = f"Assessing, {one.stage.value}: {one.n_done:,} of {one.n_total:,}{words}"
     return note(text, share=share)
 
