@@ -1,6 +1,7 @@
 """What is learned from training images: thresholds and weights, and which vote to recommend."""
 
 from fractions import Fraction
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -63,6 +64,14 @@ class TestThreshold:
             for t in (table, turned)
         )
         assert first == pytest.approx(1 - second, abs=2e-6)
+
+    def test_equal_means_are_equal_in_any_order_of_the_images(self):
+        """As floats, thirds added up in another order differ in the last bit."""
+        for order in permutations([1, 2, 3, 3]):
+            positive = np.array([[n] for n in (*order, *order[::-1])])
+            ballots = Ballots(positive, 3 - positive, 3)
+            labels = np.array([1] * 4 + [-1] * 4, np.int8)
+            assert fit_vote(VoteKind.THRESHOLD, ballots, labels, [0]).threshold == 0.5
 
     def test_without_a_state_there_is_nothing_to_learn(self):
         ballots = Ballots.of_table(table_of([[[1]], [[1]]], [1, 1]))

@@ -25,6 +25,9 @@ __all__ = ["available_kinds", "fit_vote", "fit_votes"]
 
 _EDGE = 1 / MILLION
 
+_APART = 1e-9
+"""Means closer than this are one: floats of equal fractions differ by their order of summing."""
+
 
 def available_kinds(ballots: Ballots) -> tuple[VoteKind, ...]:
     """The kinds that these answers allow, the simplest first."""
@@ -80,7 +83,7 @@ def _between(shares: NDArray[np.float64], labels: NDArray[np.int8]) -> float:
     if any(state.size == 0 for state in states):
         return 0.5
     positive, negative = (float(state.mean()) for state in states)
-    return _rounded((positive + negative) / 2) if positive > negative else 0.5
+    return _rounded((positive + negative) / 2) if positive - negative > _APART else 0.5
 
 
 def _weighted(
