@@ -134,6 +134,18 @@ class TestWords:
         assert "positive, weighed so that half would be right: 86.7 % (scenes: door)" in said
         assert "negative, weighed so that half would be right: 75.0 % (scenes: elevator)" in said
 
+    def test_of_what_is_left_of_the_lean_count_the_tested_pictures(self, numbers):
+        row = next(row for row in numbers["tasks"] if row["group"] == "foreign")
+        ways = {
+            "s_all": [2, 2, 0, 0],  # all called positive
+            "s_plus_random": [1, 1, 2, 2],  # a quarter
+            "s_plus": [2, 2, 2, 2],  # as they are
+        }
+        tally = {"labels": [1, 1, -1, -1], "tested": [2] * 4, "recognized": ways}
+        numbers["tasks"] = [row | {"tally": tally}]
+        said = "50.0 points with the whole grid, 25.0 with s+ from a random start, 0.0 with s+."
+        assert f"on other people's simulators {said}" in failures(numbers)
+
     def test_of_false_premises_name_the_picture_first_and_the_worst_pair_first(self, numbers):
         numbers["premises"] = [
             {"shown": "display", "n_pictures": 20, "refused": {"light": 0.01, "water": 0.21}},

@@ -54,6 +54,12 @@ def test_fourteen_pictures_of_a_state_make_a_wide_interval():
     assert high - low > 0.2
 
 
+def test_called_positive_is_half_without_a_lean_and_one_where_all_are():
+    assert tally([1, 1, 1], [1]).called_positive("a") == 0.5
+    assert tally([2, 2], [0, 0, 0], n_draws=2).called_positive("a") == 1
+    assert tally([2, 0], [2, 2, 2], n_draws=2).called_positive("a") == 0.25
+
+
 def test_balanced_counts_draws_and_weighs_states_alike():
     assert tally([2, 1, 0], [2], n_draws=2).balanced("a") == 0.75
     assert tally([2, 1, 0], [2], n_draws=2).balanced("a", "b") == 0.75

@@ -294,3 +294,6 @@ class TestRecommending:
         close = recommend({VoteKind.PAPER: 0.8, VoteKind.THRESHOLD: 0.81}, 20)
         assert close.kind is VoteKind.PAPER
         assert "too little more" in close.reason
+        for same in (0.3, 0.1 + 0.2):  # the same share, added up in another order
+            equal = recommend({VoteKind.PAPER: 0.3, VoteKind.THRESHOLD: same}, 20)
+            assert "no better" in equal.reason

@@ -51,6 +51,13 @@ class Tally:
             / 2
         )
 
+    def called_positive(self, way: str) -> float:
+        """The mean over the states of the share called positive; 0.5 has no lean."""
+        positive, negative = (
+            float(gained.sum() / tested.sum()) for gained, tested in self.of_states(way)
+        )
+        return (positive + 1 - negative) / 2
+
     def of_states(
         self, way: str, minus: str | None = None
     ) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:

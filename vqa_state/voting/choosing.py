@@ -68,8 +68,9 @@ def recommend(shares: Mapping[VoteKind, float], n_images: int) -> Recommendation
             f"out of bag, the vote by {chosen.value!r} recognizes {images(chosen)} training "
             f"images, the best other one ({best.value!r}) {images(best)}"
         )
-        if shares[best] > shares[chosen]:
+        ahead = shares[best] - shares[chosen]
+        if ahead > _EXACT:
             reason += ": too little more to give up the simpler vote"
-        elif shares[best] == shares[chosen]:
+        elif ahead > -_EXACT:
             reason += ": no better, so the simpler vote is taken"
     return Recommendation(chosen, reason)
