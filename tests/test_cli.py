@@ -17,6 +17,7 @@ from vqa_state.project import Project
 from vqa_state.recognizer import Recognizer, read_recognizer
 from vqa_state.scores import Objective
 from vqa_state.tuning import recognizer_path
+from vqa_state.voting.kinds import VoteKind
 
 runner = CliRunner()
 QUICK = ["--population", "30", "--generations", "5"]
@@ -67,6 +68,25 @@ def test_the_whole_road(run, tmp_path, folder, photos):
     assert verdict["state"] in {"positive", "negative", "unknown"}
     assert code == (3 if verdict["state"] == "unknown" else 0)
     assert verdict["milliseconds"] > 0
+
+
+def test_all_questions_are_exported_until_a_choice_is_named(run, tmp_path, folder):
+    run("optimize", folder, *QUICK)
+    out = tmp_path / "r.json"
+    code, said, _ = run("export", folder, out, "--all-questions")
+    every, written = Project.open(folder).grid.build().questions, Recognizer.load(out)
+    assert (code, written.origin, written.vote) == (0, None, VoteKind.PAPER)
+    assert [question.text for question in written.questions] == [one.text for one in every]
+    assert f"without a choice, {len(every)} questions" in said
+    document = json.loads(run("export", folder, out, "--json")[1])  # it is kept
+    assert (document["objective"], Recognizer.load(out)) == (None, written)
+    run("export", folder, out, "--objective", "s-")
+    assert Recognizer.load(out).origin.objective is Objective.S_MINUS
+    run("export", folder, out, "--all-questions")
+    run("export", folder, out, "--chosen-questions")
+    assert Recognizer.load(out).origin.objective is Objective.S_MINUS
+    code, _, err = run("export", folder, out, "--all-questions", "--vote", "threshold")
+    assert (code, "leave out --objective, --vote and" in err) == (2, True)
 
 
 def test_tune_twice_gives_the_same_bytes_and_asks_nothing_again(run, folder):

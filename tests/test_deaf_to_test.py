@@ -26,7 +26,7 @@ from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
 from vqa_state.standings import standings
 from vqa_state.suggesting import hints
-from vqa_state.tuning import optimize, paper_recognizer, results
+from vqa_state.tuning import optimize, paper_recognizer, results, unchosen_recognizer
 from vqa_state.voting.kinds import VoteKind
 
 # Perceptual hashes: the one between differs from both others by 6 bits, they from each other by 12.
@@ -99,6 +99,7 @@ def chosen_in(project):
     table, hinted = standings(project.chosen, found, kept), hints(project, found, kept)
     files = [recognizer_with(project, found, kept, k, 0.8) for k in kept.votes]
     files += [paper_recognizer(project, found, objective) for objective in found.searches]
+    files.append(unchosen_recognizer(project, found))
     return {
         "searches": {o: s.model_dump_json() for o, s in found.searches.items()},
         "assessment": without_time(without_test_sides(kept, project)),

@@ -24,6 +24,7 @@ from vqa_state.recognizer import (
     WeightedQuestion,
     read_recognizer,
 )
+from vqa_state.recognizer_file import content_digest
 from vqa_state.verdict import State, Vote
 from vqa_state.voting.kinds import VoteKind
 
@@ -171,7 +172,7 @@ def with_score(**fields) -> bytes:
         (b"\xff\xfe", "is no JSON file or is damaged"),
         (b"[]", "is no recognizer file"),
         (b'{"schema_version": "1"}', "is no recognizer file"),
-        (changed(schema_version=3), "schema version 3; this program reads up to 2"),
+        (changed(schema_version=4), "schema version 4; this program reads up to 3"),
         (changed(calls_per_image=6, vote="threshold"), "digest does not fit"),
         (changed(name="other"), "digest does not fit"),
         (changed(surprise=1), "cannot be used at surprise"),
@@ -234,6 +235,21 @@ def test_loading_needs_neither_gradio_nor_a_search_library(tmp_path):
     assert out.stdout.strip() == "set()"
 
 
+def test_files_of_version_2_are_read_and_written_anew():
+    content = json.loads(recognizer().to_bytes()) | {"schema_version": 2}
+    content["digest"] = content_digest(content)
+    old = read_recognizer(json.dumps(content).encode(), "r.json")
+    assert old.to_bytes() == recognizer().to_bytes()
+
+
+def test_questions_that_nothing_chose_have_no_origin():
+    unchosen = recognizer(origin=None)
+    assert read_recognizer(unchosen.to_bytes(), "r.json").origin is None
+    assert json.loads(unchosen.to_bytes())["origin"] is None
+    model = saying(a="yes", b="no", c="no")
+    assert unchosen.recognize(draw(1), model).votes == recognizer().recognize(draw(1), model).votes
+
+
 def version_1(**changes) -> bytes:
     """A file as the first version wrote it."""
     content = json.loads(recognizer().to_bytes())
@@ -250,7 +266,7 @@ def version_1(**changes) -> bytes:
 
 def test_files_of_version_1_are_read_and_written_anew():
     old = read_recognizer(version_1(), "r.json")
-    assert (old.schema_version, old.vote, old.abstain.min_sureness) == (2, VoteKind.PAPER, 0)
+    assert (old.schema_version, old.vote, old.abstain.min_sureness) == (3, VoteKind.PAPER, 0)
     model = saying(a="yes", b="no", c="no")
     assert old.recognize(draw(1), model).state is State.POSITIVE
     assert read_recognizer(old.to_bytes(), "r.json").to_bytes() == old.to_bytes()

@@ -28,7 +28,13 @@ from vqa_state.search.genetic import SearchSettings, search
 from vqa_state.search.proof import Badge
 from vqa_state.splits import Split
 from vqa_state.standings_words import badge_sentences
-from vqa_state.tuning import optimize, recognizer_path, refresh, results
+from vqa_state.tuning import (
+    optimize,
+    recognizer_path,
+    refresh,
+    results,
+    unchosen_recognizer,
+)
 from vqa_state.verdict import State
 
 SMALL = SearchSettings(population=40, generations=8)
@@ -245,6 +251,21 @@ def test_every_missed_image_is_told(asked):
         assert len(missed) == len(row.train_missed) + len(row.test_missed)
     silent = MissedPicture("a.png", "open", "test", 0, 0, 12)
     assert silent.sentence() == "test: a.png is open: no answer (12 invalid)"
+
+
+def test_all_questions_recognize_what_their_row_says(asked, model):
+    _, found = tuned(asked)
+    row = next(row for row in found.evaluation.rows if row.name is Candidate.S_ALL)
+    written = unchosen_recognizer(asked, found)
+    assert (written.origin, len(written.questions)) == (None, found.train.n_questions)
+    for table, side in ((found.train, row.train), (found.test, row.test)):
+        for image_id, right in zip(table.image_ids, side.recognized, strict=True):
+            image = asked.images[image_id]
+            own = State.POSITIVE if image.label > 0 else State.NEGATIVE
+            said = written.recognize(asked.image_path(image), model)
+            assert (said.state is own) is bool(right)
+    assert written.scores.train.n_recognized == row.train.n_recognized
+    assert written.scores.test.R_img_interval is not None
 
 
 def test_stop_keeps_the_best_and_says_so(asked):

@@ -74,6 +74,8 @@ class Project:
     """How the exported recognizer counts answers; an assessment learns the other kinds."""
     coverage: float | None = None
     """Share of images that shall get a verdict, in (0, 1); None abstains only at ties."""
+    all_questions: bool = False
+    """Export all questions by the paper's vote; `chosen`, `vote` and `coverage` wait meanwhile."""
     test_looks: int = 0
     """How often the user has looked at the test results."""
     _seen: str = field(default="", repr=False)

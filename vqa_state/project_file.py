@@ -98,6 +98,7 @@ class ProjectFile(BaseModel):
     chosen: Objective
     vote: VoteKind = VoteKind.PAPER
     coverage: Annotated[float, Field(gt=0, lt=1)] | None = None
+    all_questions: bool = False
     test_looks: Annotated[int, Field(ge=0)]
 
 

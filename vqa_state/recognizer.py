@@ -67,7 +67,7 @@ MAX_FILE_BYTES: Final = 5_000_000
 class Recognizer(Record):
     """Questions whose vote recognizes a state; see the module's first lines for its use."""
 
-    schema_version: Literal[2] = SCHEMA_VERSION
+    schema_version: Literal[3] = SCHEMA_VERSION
     """Of this form of the file; docs/recognizer.md says how a verdict comes from it."""
     name: Words
     """Of the project; shown, no more."""
@@ -89,8 +89,9 @@ class Recognizer(Record):
     """When the verdict is unknown; always exactly at the threshold or without a valid vote."""
     parser_version: Annotated[int, Field(ge=1, le=PARSER_VERSION)] = PARSER_VERSION
     """Of the rules that read yes or no out of a text."""
-    origin: Origin
-    """How the questions were chosen; it changes no verdict."""
+    origin: Origin | None
+    """How a search chose the questions; null where nothing chose, and all of the project's are
+    asked. It changes no verdict."""
     scores: Scores
     """How good it was on the project's images; it changes no verdict."""
     estimate: EstimateRecord | None = None

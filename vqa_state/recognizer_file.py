@@ -1,7 +1,7 @@
 """What stands in a recognizer's file, and how files of older versions are read.
 
 A file of version 1 is the paper's vote: weights and threshold stood in it, but every program that
-wrote one wrote weight 1 and threshold 0.5.
+wrote one wrote weight 1 and threshold 0.5. In a file of version 2 a search chose the questions.
 """
 
 import hashlib
@@ -39,7 +39,7 @@ __all__ = [
     "upgraded",
 ]
 
-SCHEMA_VERSION: Final = 2
+SCHEMA_VERSION: Final = 3
 MAX_FINGERPRINT: Final = 10_000
 _LONGEST = 300  # characters of a text
 
@@ -249,10 +249,13 @@ class ScoreRecord(Record):
 
 
 class Scores(Record):
-    """Training images chose the questions; only the test images say how good they are."""
+    """Training images chose the questions; only the test images say how good they are.
+
+    Unless `origin` is null: then no image chose, and the training images say it as well.
+    """
 
     train: ScoreRecord
-    """On the images that chose the questions."""
+    """On the training images."""
     test: ScoreRecord | None
     """On held-out images; null without any."""
 
@@ -305,7 +308,7 @@ def upgraded(content: dict[str, Any], shown: str) -> dict[str, Any]:
             "update the program"
         )
     if version != 1:
-        return content
+        return content | {"schema_version": SCHEMA_VERSION}
     plain = content.get("threshold", 0.5) == 0.5
     changed = {
         "schema_version": SCHEMA_VERSION,

@@ -48,6 +48,7 @@ __all__ = [
     "recognizer_path",
     "refresh",
     "results",
+    "unchosen_recognizer",
 ]
 
 
@@ -297,8 +298,29 @@ def _paper_run(report: SearchReport) -> PaperRun:
 def paper_recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:
     """With the paper's vote, as recognizers/OBJECTIVE.json has it."""
     saved = found.searches[objective]
-    row = next(r for r in found.evaluation.rows if r.name == Candidate(objective.value))
-    questions = [found.train.questions[position] for position in saved.subset]
+    origin = Origin(
+        engine=saved.engine,
+        objective=objective,
+        weights=saved.weights,
+        settings=saved.settings,
+        seed=saved.seed,
+        generations=len(saved.curve) - 1,
+        finished=saved.finished,
+        proof=saved.proof,
+    )
+    return _recognizer(project, found, Candidate(objective.value), origin)
+
+
+def unchosen_recognizer(project: Project, found: Results) -> Recognizer:
+    """All questions of the project, without a choice, by the paper's vote."""
+    return _recognizer(project, found, Candidate.S_ALL, None)
+
+
+def _recognizer(
+    project: Project, found: Results, name: Candidate, origin: Origin | None
+) -> Recognizer:
+    row = next(row for row in found.evaluation.rows if row.name is name)
+    questions = [found.train.questions[position] for position in row.subset]
     augmentation = project.augmentation
     return Recognizer(
         name=project.name,
@@ -313,16 +335,7 @@ def paper_recognizer(project: Project, found: Results, objective: Objective) -> 
         questions=tuple(
             WeightedQuestion(text=q.text, yes_means=1 if q.yes_means > 0 else -1) for q in questions
         ),
-        origin=Origin(
-            engine=saved.engine,
-            objective=objective,
-            weights=saved.weights,
-            settings=saved.settings,
-            seed=saved.seed,
-            generations=len(saved.curve) - 1,
-            finished=saved.finished,
-            proof=saved.proof,
-        ),
+        origin=origin,
         scores=_scores(row),
         calls_per_image=augmentation.n_copies * len(questions),
     )

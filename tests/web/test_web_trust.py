@@ -18,6 +18,7 @@ from vqa_state.jobs import JobState
 from vqa_state.scores import Objective
 from vqa_state.search.default import Engine
 from vqa_state.splits import Split
+from vqa_state.tuning import unchosen_recognizer
 from vqa_state.voting.kinds import VoteKind
 from vqa_state.web import watching
 from vqa_state.web.checks import RequestError
@@ -272,8 +273,9 @@ def test_the_recommended_vote_is_taken_only_when_asked(desk: Desk, assessed: str
     assess.use(desk, assessed)
     assert desk.taken(assessed) == Taken(kept.recommendation.kind, 0.8, True)
     assert Desk(desk.root).taken(assessed) == Taken(kept.recommendation.kind, 0.8)  # restarted
-    radio, share, early = recognizer.votes(desk, assessed)
-    assert (radio.value, share, early) == (kept.recommendation.kind.value, 0.8, True)
+    radio, slider, *boxes = recognizer.votes(desk, assessed)
+    assert (radio.value, slider.value) == (kept.recommendation.kind.value, 0.8)
+    assert boxes == [True, False]
     assert [value for _, value in radio.choices] == [kind.value for kind in kept.votes]
 
 
@@ -282,7 +284,7 @@ def test_the_recommended_vote_is_taken_only_when_asked(desk: Desk, assessed: str
 def test_the_download_is_what_was_taken(
     client: TestClient, desk: Desk, assessed: str, vote: VoteKind, coverage: float
 ) -> None:
-    about, link, place = recognizer.take(desk, assessed, vote.value, coverage, True)
+    about, link, place = recognizer.take(desk, assessed, vote.value, coverage, True, False)
     project = desk.snapshot(assessed)
     found, kept = found_and_assessed(project)
     assert found is not None
@@ -301,8 +303,42 @@ def test_the_download_is_what_was_taken(
     assert seen["n_calls"] + seen["n_skipped"] == all_calls
 
 
+def test_all_questions_can_be_taken_instead_of_the_chosen_ones(
+    client: TestClient, desk: Desk, assessed: str
+) -> None:
+    kind = VoteKind.WEIGHTED_ANSWERS.value
+    about, link, place = recognizer.take(desk, assessed, kind, 0.5, False, True)
+    project = desk.snapshot(assessed)
+    found, _ = found_and_assessed(project)
+    assert found is not None
+    wanted = unchosen_recognizer(project, found)
+    answered = client.get(link["link"]["href"])
+    assert answered.content == wanted.to_bytes()
+    assert "all_questions.json" in answered.headers["content-disposition"]
+    assert "none of which chose its questions" in about["text"]
+    image = project.labelled(Split.TEST)[0]
+    verdict = client.post(
+        f"/projects/{assessed}/recognize/s+{place['query']}", content=project.read(image)
+    ).json()
+    assert verdict["n_calls"] == wanted.calls_per_image
+    radio, slider, *boxes = recognizer.votes(Desk(desk.root), assessed)  # restarted
+    assert (radio.interactive, slider.interactive, boxes) == (False, False, [False, True])
+    assert (radio.value, slider.value) == (kind, 0.5)  # they wait
+
+
+@pytest.mark.parametrize("end", ["choose", "use"])
+def test_a_choice_ends_asking_all(desk: Desk, assessed: str, end: str) -> None:
+    recognizer.take(desk, assessed, "paper", 1, False, True)
+    if end == "choose":
+        recognizer.choose(desk, assessed, "s-")
+    else:
+        assess.use(desk, assessed)
+    assert not desk.taken(assessed).all_questions
+    assert recognizer.votes(desk, assessed)[0].interactive
+
+
 def test_what_is_not_assessed_cannot_be_taken_along(desk: Desk, assessed: str) -> None:
-    recognizer.take(desk, assessed, VoteKind.THRESHOLD.value, 1, False)
+    recognizer.take(desk, assessed, VoteKind.THRESHOLD.value, 1, False, False)
     about, link, place = recognizer.choose(desk, assessed, "s-")
     assert "Assess" in about["text"]
     assert "link" not in link
@@ -311,8 +347,10 @@ def test_what_is_not_assessed_cannot_be_taken_along(desk: Desk, assessed: str) -
 
 @pytest.mark.parametrize("strange", STRANGE)
 def test_strange_choices_change_nothing(desk: Desk, assessed: str, strange: Any) -> None:
-    for fields in ((strange, 1, False), ("paper", strange, False), ("paper", 1, strange)):
-        if fields == ("paper", 1, True):
+    plain = ("paper", 1, False, False)
+    for place in range(4):
+        fields = (*plain[:place], strange, *plain[place + 1 :])
+        if fields in (("paper", 1, True, False), ("paper", 1, False, True)):
             continue
         with pytest.raises(RequestError):
             recognizer.take(desk, assessed, *fields)
@@ -321,7 +359,16 @@ def test_strange_choices_change_nothing(desk: Desk, assessed: str, strange: Any)
 
 @pytest.mark.parametrize(
     "query",
-    ["vote=x", "coverage=0", "coverage=nan", "coverage=x", "coverage=2", "vote=../x&coverage=1"],
+    [
+        "vote=x",
+        "coverage=0",
+        "coverage=nan",
+        "coverage=x",
+        "coverage=2",
+        "all=2",
+        "coverage=x&all=1",
+        "vote=../x&coverage=1",
+    ],
 )
 def test_strange_queries_are_refused(client: TestClient, assessed: str, query: str) -> None:
     assert client.get(f"/projects/{assessed}/recognizers/s+.json?{query}").status_code == 404
@@ -334,6 +381,9 @@ def test_an_address_leads_back_to_the_choice() -> None:
     assert taken.query(asking=True) == "?vote=weighted+answers&coverage=0.75&early=1"
     assert taken.query(asking=False) == "?vote=weighted+answers&coverage=0.75"
     assert taken_from("paper", 1).query(asking=True) == ""
+    everything = taken_from("threshold", 0.75, True, True)
+    assert everything.query(asking=True) == "?all=1&early=1"
+    assert everything.query(asking=False) == "?all=1"
 
 
 # ---- the report ----------------------------------------------------------------------------

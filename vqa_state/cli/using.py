@@ -31,8 +31,10 @@ from vqa_state.rechecking import Rechecked, recheck
 from vqa_state.recognizer import Recognizer, recognize_all
 from vqa_state.report_page import report_page
 from vqa_state.scores import Objective
+from vqa_state.searches import Results
 from vqa_state.splits import Split
 from vqa_state.standings import standings
+from vqa_state.tuning import unchosen_recognizer
 from vqa_state.verdict import State, Verdict
 from vqa_state.voting.kinds import VoteKind
 
@@ -90,31 +92,54 @@ def export(
             min=0.01, max=1, help="Abstain, so that about this share gets a verdict (1: all); kept."
         ),
     ] = None,
+    all_questions: Annotated[
+        bool | None,
+        typer.Option(
+            "--all-questions/--chosen-questions",
+            help="Ask all, by the paper's vote, where `evaluate` says that choosing loses; kept.",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write one recognizer file. The project's choice is s+ with the paper's vote at first."""
+    names_a_choice = any(one is not None for one in (objective, vote, coverage))
+    if all_questions and names_a_choice:
+        raise typer.BadParameter(
+            "--all-questions takes all by the paper's vote; leave out --objective, --vote and "
+            "--coverage"
+        )
     project = Project.open(folder)
     found = found_results(project)
     project.chosen = objective or project.chosen
     project.vote = vote or project.vote
     if coverage is not None:
         project.coverage = None if coverage == 1 else coverage
-    plain = project.vote is VoteKind.PAPER and project.coverage is None
-    assessed = None if plain else assessment(project, found)
-    recognizer = recognizer_with(project, found, assessed, project.vote, project.coverage)
+    if names_a_choice or all_questions is not None:
+        project.all_questions = bool(all_questions)
+    recognizer = _exported(project, found)
     recognizer.save(out)
     project.save()
-    words = f"{out}: {project.chosen.value}, {len(recognizer.questions)} questions"
-    words += "" if plain else f", vote {project.vote.value}"
-    if project.coverage is not None:
+    taken = "without a choice" if project.all_questions else project.chosen.value
+    words = f"{out}: {taken}, {len(recognizer.questions)} questions"
+    if recognizer.vote is not VoteKind.PAPER:
+        words += f", vote {recognizer.vote.value}"
+    if recognizer.abstain.coverage is not None:
         words += f", unknown below a sureness of {recognizer.abstain.min_sureness:.2f}"
     record = {
         "path": str(out),
-        "objective": project.chosen.value,
-        "vote": project.vote.value,
+        "objective": None if project.all_questions else project.chosen.value,
+        "vote": recognizer.vote.value,
         "min_sureness": recognizer.abstain.min_sureness,
     }
     tell(as_json, record, words)
+
+
+def _exported(project: Project, found: Results) -> Recognizer:
+    if project.all_questions:
+        return unchosen_recognizer(project, found)
+    plain = project.vote is VoteKind.PAPER and project.coverage is None
+    assessed = None if plain else assessment(project, found)
+    return recognizer_with(project, found, assessed, project.vote, project.coverage)
 
 
 @app.command()

@@ -127,22 +127,24 @@ class Desk:
         self._checks[name] = found
 
     def taken(self, pid: object) -> Taken:
-        """The vote and coverage of a project; stopping early only since the app was started.
+        """What is taken of a project; stopping early only since the app was started.
 
         Raises:
             ProjectError: if there is no such project.
         """
         with self.reading(pid) as project:
-            return Taken(project.vote, project.coverage, str(pid) in self._early)
+            early = str(pid) in self._early
+            return Taken(project.vote, project.coverage, early, project.all_questions)
 
     def take(self, pid: object, taken: Taken) -> None:
-        """Keep the vote and coverage in the project, and whether trying it stops early.
+        """Keep what is taken in the project, and here whether trying it stops early.
 
         Raises:
             ProjectError: if there is no such project.
         """
         with self.changing(pid) as project:
             project.vote, project.coverage = taken.vote, taken.coverage
+            project.all_questions = taken.all_questions
         (self._early.add if taken.stop_early else self._early.discard)(str(pid))
 
     def _name(self, pid: str) -> str:

@@ -75,9 +75,10 @@ def routes(desk: Desk) -> APIRouter:
         vote: str = PAPER,
         coverage: str = "1",
         early: str = "",
+        all: str = "",  # noqa: A002  # a word of the address
     ) -> Response:
         data = await _body(request, MAX_BYTES)
-        taken = _taken(vote, coverage, early)
+        taken = _taken(vote, coverage, early, all)
         return await _json(lambda: verdicts.of_picture(desk, pid, objective, data, taken))
 
     @router.get("/thumbs/{image_id}")
@@ -94,8 +95,14 @@ def routes(desk: Desk) -> APIRouter:
         return Response(data, media_type=IMAGE_TYPES[found.suffix], headers=PICTURE_HEADERS)
 
     @router.get("/recognizers/{objective}.json")
-    def recognizer(pid: str, objective: str, vote: str = PAPER, coverage: str = "1") -> Response:
-        return _download(desk, pid, objective, _taken(vote, coverage, ""))
+    def recognizer(
+        pid: str,
+        objective: str,
+        vote: str = PAPER,
+        coverage: str = "1",
+        all: str = "",  # noqa: A002  # a word of the address
+    ) -> Response:
+        return _download(desk, pid, objective, _taken(vote, coverage, "", all))
 
     @router.get("/report.html")
     def report(pid: str) -> Response:
@@ -159,14 +166,14 @@ def _remove(desk: Desk, pid: str, wanted: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
-def _taken(vote: str, coverage: str, early: str) -> Taken:
+def _taken(vote: str, coverage: str, early: str, of_all: str) -> Taken:
     try:
         share = float(coverage)
     except ValueError as error:
         raise checks.RequestError("the coverage must be a number above 0, at most 1") from error
-    if early not in ("", "1"):
-        raise checks.RequestError("early must be 1 or nothing")
-    return taken_from(vote, share, early == "1")
+    if not {early, of_all} <= {"", "1"}:
+        raise checks.RequestError("early and all must be 1 or nothing")
+    return taken_from(vote, share, early == "1", of_all == "1")
 
 
 def _download(desk: Desk, pid: str, objective: str, taken: Taken) -> Response:
@@ -180,7 +187,8 @@ def _download(desk: Desk, pid: str, objective: str, taken: Taken) -> Response:
             raise RecognizerError("there is no recognizer yet; optimize first") from error
     else:
         data = taken_recognizer(project, chosen, taken).to_bytes()
-    return _attachment(data, "application/json", path.name, f"{project.name} {path.name}")
+    name = "all_questions.json" if taken.all_questions else path.name
+    return _attachment(data, "application/json", name, f"{project.name} {name}")
 
 
 def _report(desk: Desk, pid: str) -> Response:

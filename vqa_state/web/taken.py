@@ -1,4 +1,4 @@
-"""What the user takes along: which kind of vote, when it abstains, whether it stops early."""
+"""What the user takes along: all questions or the chosen ones, their vote, when asking ends."""
 
 from dataclasses import dataclass, replace
 from urllib.parse import urlencode
@@ -10,7 +10,7 @@ from vqa_state.project import Project
 from vqa_state.recognizer import Recognizer
 from vqa_state.scores import Objective
 from vqa_state.searches import Results
-from vqa_state.tuning import recognizer_path, results
+from vqa_state.tuning import recognizer_path, results, unchosen_recognizer
 from vqa_state.voting.kinds import VoteKind
 from vqa_state.web import checks
 
@@ -25,30 +25,35 @@ class Taken:
         vote: how answers are counted.
         coverage: share of images that shall get a verdict, in (0, 1); None abstains only at ties.
         stop_early: whether asking ends as soon as the rest cannot change the verdict.
+        all_questions: whether all are asked, by the paper's vote; vote and coverage wait meanwhile.
     """
 
     vote: VoteKind = VoteKind.PAPER
     coverage: float | None = None
     stop_early: bool = False
+    all_questions: bool = False
 
     @property
     def plain(self) -> bool:
         """Whether the recognizer is the one that the optimization wrote."""
-        return self.vote is VoteKind.PAPER and self.coverage is None
+        return not self.all_questions and self.vote is VoteKind.PAPER and self.coverage is None
 
     def query(self, *, asking: bool) -> str:
         """The choice as the end of an address; empty for the first choice."""
         fields: dict[str, str] = {}
-        if not self.plain:
+        if self.all_questions:
+            fields["all"] = "1"
+        elif not self.plain:
             fields["vote"] = self.vote.value
-        if self.coverage is not None:
-            fields["coverage"] = f"{self.coverage:g}"
+            fields |= {} if self.coverage is None else {"coverage": f"{self.coverage:g}"}
         if asking and self.stop_early:
             fields["early"] = "1"
         return f"?{urlencode(fields)}" if fields else ""
 
 
-def taken_from(vote: object, coverage: object, stop_early: object = False) -> Taken:
+def taken_from(
+    vote: object, coverage: object, stop_early: object = False, all_questions: object = False
+) -> Taken:
     """A choice from a page or an address; each argument may be anything.
 
     A coverage of 1 is none: every image gets a verdict, but for ties.
@@ -60,9 +65,9 @@ def taken_from(vote: object, coverage: object, stop_early: object = False) -> Ta
     share = checks.number(coverage, "the coverage")
     if not 0 < share <= 1:
         raise checks.RequestError(f"the coverage must be above 0 and at most 1, got {share}")
-    if not isinstance(stop_early, bool):
-        raise checks.RequestError("stopping early must be yes or no")
-    return Taken(kind, None if share == 1 else share, stop_early)
+    if not isinstance(stop_early, bool) or not isinstance(all_questions, bool):
+        raise checks.RequestError("stopping early and asking all must be yes or no")
+    return Taken(kind, None if share == 1 else share, stop_early, all_questions)
 
 
 def found_and_assessed(project: Project) -> tuple[Results | None, Assessment | None]:
@@ -72,7 +77,7 @@ def found_and_assessed(project: Project) -> tuple[Results | None, Assessment | N
 
 
 def taken_recognizer(project: Project, objective: Objective, taken: Taken) -> Recognizer:
-    """The recognizer for an objective, with the vote and coverage that were taken.
+    """The recognizer for an objective, with the vote and coverage that were taken; or of all.
 
     Raises:
         RecognizerError: if none was written.
@@ -84,6 +89,8 @@ def taken_recognizer(project: Project, objective: Objective, taken: Taken) -> Re
     found, assessed = found_and_assessed(project)
     if found is None:
         raise NothingToSearchError("images, labels or questions changed; optimize again")
+    if taken.all_questions:
+        return unchosen_recognizer(project, found)
     if assessed is None:
         raise NothingToSearchError(
             f"{objective.value} is not assessed for these answers; press Assess on Results first"

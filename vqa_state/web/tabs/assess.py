@@ -204,12 +204,12 @@ def look(desk: Desk, pid: str) -> tuple[Any, ...]:
 
 
 def use(desk: Desk, pid: str) -> Any:
-    """Take the recommended vote; coverage and stopping early stay as they were chosen."""
+    """Take the recommended vote, which ends asking all; the rest stays as it was chosen."""
     _, assessed = found_and_assessed(desk.snapshot(pid))
     if assessed is None:
         raise NothingToSearchError("images, labels or questions changed; optimize and assess again")
     kind = assessed.recommendation.kind
-    desk.take(pid, replace(desk.taken(pid), vote=kind))
+    desk.take(pid, replace(desk.taken(pid), vote=kind, all_questions=False))
     return note(f"Taken: the vote by “{kind.value}”. Recognizer shows it and writes it.", "good")
 
 

@@ -41,6 +41,7 @@ class Parts:
     vote: gr.Radio
     coverage: gr.Slider
     early: gr.Checkbox
+    of_all: gr.Checkbox
     about: gr.HTML
     link: gr.HTML
     verdict: gr.HTML
@@ -53,6 +54,10 @@ def build(tab: gr.Tab) -> Parts:
     """Draw the tab."""
     choices = [(f"{one.value} – {hint}", one.value) for one, hint in HINTS.items()]
     objective = gr.Radio(choices, label="Recognizer", elem_id="objective")
+    of_all = gr.Checkbox(
+        label="Ask all questions, without a choice", elem_id="of-all",
+        info="Where Results says that the choice loses accuracy. Counted by the paper's vote.",
+    )  # fmt: skip
     vote, coverage, early = _counting()
     about = widgets.note("about")
     link = widgets.note("download")
@@ -66,7 +71,7 @@ def build(tab: gr.Tab) -> Parts:
         seen = widgets.verdict("camera-verdict")
     other = recheck.build()
     return Parts(
-        tab, objective, vote, coverage, early, about, link, verdict, camera, seen, other
+        tab, objective, vote, coverage, early, of_all, about, link, verdict, camera, seen, other
     )  # fmt: skip
 
 
@@ -93,13 +98,15 @@ def wire(parts: Parts, page: Page) -> None:
     shown = [parts.objective, parts.about, parts.link, parts.verdict]
     page.fill(show, shown)
     page.refresh(parts.tab, show, shown)
-    counting = [parts.vote, parts.coverage, parts.early]
+    counting = [parts.vote, parts.coverage, parts.early, parts.of_all]
     page.fill(votes, counting)
     page.refresh(parts.tab, votes, counting)
     chosen = page.on(parts.objective.input, choose, [parts.objective], shown[1:])
     page.on(chosen.success, votes, (), counting)
     for field in (parts.vote.input, parts.coverage.release, parts.early.input):
         page.on(field, take, counting, shown[1:])
+    taken = page.on(parts.of_all.input, take, counting, shown[1:])
+    page.on(taken.success, votes, (), counting)
     recheck.wire(parts.other, page)
     page.on(parts.camera.change, see, [parts.objective, parts.camera], [parts.seen])
 
@@ -112,10 +119,10 @@ def show(desk: Desk, pid: str) -> Any:
 
 
 def choose(desk: Desk, pid: str, objective: Any) -> Any:
-    """Remember the choice; what it is, its link, and a place to try it."""
+    """Remember the choice, which ends asking all; what it is, its link, and a place to try it."""
     chosen = checks.choice(objective, Objective, "the objective")
     with desk.changing(pid) as project:
-        project.chosen = chosen
+        project.chosen, project.all_questions = chosen, False
     return _shown(desk, pid, chosen)
 
 
@@ -129,7 +136,13 @@ def votes(desk: Desk, pid: str) -> Any:
     kinds = [VoteKind.PAPER] if assessed is None else list(assessed.votes)
     names = [_name(kind, assessed) for kind in {**dict.fromkeys(kinds), taken.vote: None}]
     share = 1.0 if taken.coverage is None else taken.coverage
-    return gr.Radio(names, value=taken.vote.value), share, taken.stop_early
+    is_open = not taken.all_questions
+    return (
+        gr.Radio(names, value=taken.vote.value, interactive=is_open),
+        gr.Slider(value=share, interactive=is_open),
+        taken.stop_early,
+        taken.all_questions,
+    )
 
 
 def _name(kind: VoteKind, assessed: Assessment | None) -> tuple[str, str]:
@@ -137,9 +150,9 @@ def _name(kind: VoteKind, assessed: Assessment | None) -> tuple[str, str]:
     return f"{kind.value} ★ recommended" if best else kind.value, kind.value
 
 
-def take(desk: Desk, pid: str, vote: Any, coverage: Any, early: Any) -> Any:
-    """Remember how to count; what it is, its link, and a place to try it."""
-    desk.take(pid, taken_from(vote, coverage, early))
+def take(desk: Desk, pid: str, vote: Any, coverage: Any, early: Any, of_all: Any) -> Any:
+    """Remember what to ask and how to count; what it is, its link, and a place to try it."""
+    desk.take(pid, taken_from(vote, coverage, early, of_all))
     return _shown(desk, pid, desk.snapshot(pid).chosen)
 
 
@@ -185,8 +198,12 @@ def _about(recognizer: Recognizer) -> Any:
     lines = [
         f"{questions} about {n_copies} copies of an image: {recognizer.calls_per_image} calls to "
         f"the model “{recognizer.model.name}”.",
-        f"It recognizes {train.n_recognized} of the {train.n_images} training images that chose "
-        "its questions; for new images, see the test images on Results.",
+        f"It recognizes {train.n_recognized} of the {train.n_images} training images"
+        + (
+            ", none of which chose its questions."
+            if recognizer.origin is None
+            else " that chose its questions; for new images, see the test images on Results."
+        ),
     ]
     if recognizer.vote is not VoteKind.PAPER:
         lines.append(f"Answers are counted by the vote “{recognizer.vote.value}”.")
@@ -197,7 +214,7 @@ def _about(recognizer: Recognizer) -> Any:
         )
         careful = recognizer.abstain.out_of_bag
         lines += [] if careful is None else [careful.sentence()]
-    if not recognizer.origin.finished:
+    if recognizer.origin is not None and not recognizer.origin.finished:
         lines.append("Its search was stopped before the end.")
     texts = [question.text for question in recognizer.questions]
     return unfolding("\n".join(lines), f"its {questions}", texts)
