@@ -273,9 +273,8 @@ def test_the_recommended_vote_is_taken_only_when_asked(desk: Desk, assessed: str
     assess.use(desk, assessed)
     assert desk.taken(assessed) == Taken(kept.recommendation.kind, 0.8, True)
     assert Desk(desk.root).taken(assessed) == Taken(kept.recommendation.kind, 0.8)  # restarted
-    radio, slider, *boxes = recognizer.votes(desk, assessed)
-    assert (radio.value, slider.value) == (kept.recommendation.kind.value, 0.8)
-    assert boxes == [True, False]
+    radio, slider, early = recognizer.votes(desk, assessed)
+    assert (radio.value, slider.value, early) == (kept.recommendation.kind.value, 0.8, True)
     assert [value for _, value in radio.choices] == [kind.value for kind in kept.votes]
 
 
@@ -284,7 +283,7 @@ def test_the_recommended_vote_is_taken_only_when_asked(desk: Desk, assessed: str
 def test_the_download_is_what_was_taken(
     client: TestClient, desk: Desk, assessed: str, vote: VoteKind, coverage: float
 ) -> None:
-    about, link, place = recognizer.take(desk, assessed, vote.value, coverage, True, False)
+    about, link, place = recognizer.take(desk, assessed, vote.value, coverage, True)
     project = desk.snapshot(assessed)
     found, kept = found_and_assessed(project)
     assert found is not None
@@ -299,7 +298,7 @@ def test_the_download_is_what_was_taken(
     ).json()
     all_calls = wanted.calls_per_image
     assert verdict["n_calls"] + verdict["n_skipped"] == all_calls
-    seen = recognizer.see(desk, assessed, "s+", np.zeros((48, 64, 3), np.uint8))["verdict"]
+    seen = recognizer.see(desk, assessed, np.zeros((48, 64, 3), np.uint8))["verdict"]
     assert seen["n_calls"] + seen["n_skipped"] == all_calls
 
 
@@ -307,7 +306,8 @@ def test_all_questions_can_be_taken_instead_of_the_chosen_ones(
     client: TestClient, desk: Desk, assessed: str
 ) -> None:
     kind = VoteKind.WEIGHTED_ANSWERS.value
-    about, link, place = recognizer.take(desk, assessed, kind, 0.5, False, True)
+    recognizer.take(desk, assessed, kind, 0.5, False)
+    about, link, place = recognizer.choose(desk, assessed, "all")
     project = desk.snapshot(assessed)
     found, _ = found_and_assessed(project)
     assert found is not None
@@ -321,14 +321,19 @@ def test_all_questions_can_be_taken_instead_of_the_chosen_ones(
         f"/projects/{assessed}/recognize/s+{place['query']}", content=project.read(image)
     ).json()
     assert verdict["n_calls"] == wanted.calls_per_image
-    radio, slider, *boxes = recognizer.votes(Desk(desk.root), assessed)  # restarted
-    assert (radio.interactive, slider.interactive, boxes) == (False, False, [False, True])
-    assert (radio.value, slider.value) == (kind, 0.5)  # they wait
+    assert recognizer.take(desk, assessed, kind, 0.5, False)[1] == link  # vote and share wait
+    seen = recognizer.see(desk, assessed, np.zeros((48, 64, 3), np.uint8))["verdict"]
+    assert seen["n_calls"] == wanted.calls_per_image
+    restarted = Desk(desk.root)
+    assert recognizer.show(restarted, assessed)[0] == "all"
+    radio, slider, _ = recognizer.votes(restarted, assessed)
+    assert (radio.interactive, slider.interactive) == (False, False)
+    assert (radio.value, slider.value) == (kind, 0.5)
 
 
 @pytest.mark.parametrize("end", ["choose", "use"])
 def test_a_choice_ends_asking_all(desk: Desk, assessed: str, end: str) -> None:
-    recognizer.take(desk, assessed, "paper", 1, False, True)
+    recognizer.choose(desk, assessed, "all")
     if end == "choose":
         recognizer.choose(desk, assessed, "s-")
     else:
@@ -338,7 +343,7 @@ def test_a_choice_ends_asking_all(desk: Desk, assessed: str, end: str) -> None:
 
 
 def test_what_is_not_assessed_cannot_be_taken_along(desk: Desk, assessed: str) -> None:
-    recognizer.take(desk, assessed, VoteKind.THRESHOLD.value, 1, False, False)
+    recognizer.take(desk, assessed, VoteKind.THRESHOLD.value, 1, False)
     about, link, place = recognizer.choose(desk, assessed, "s-")
     assert "Assess" in about["text"]
     assert "link" not in link
@@ -347,10 +352,8 @@ def test_what_is_not_assessed_cannot_be_taken_along(desk: Desk, assessed: str) -
 
 @pytest.mark.parametrize("strange", STRANGE)
 def test_strange_choices_change_nothing(desk: Desk, assessed: str, strange: Any) -> None:
-    plain = ("paper", 1, False, False)
-    for place in range(4):
-        fields = (*plain[:place], strange, *plain[place + 1 :])
-        if fields in (("paper", 1, True, False), ("paper", 1, False, True)):
+    for fields in ((strange, 1, False), ("paper", strange, False), ("paper", 1, strange)):
+        if fields == ("paper", 1, True):
             continue
         with pytest.raises(RequestError):
             recognizer.take(desk, assessed, *fields)

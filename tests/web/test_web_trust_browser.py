@@ -61,13 +61,13 @@ def test_assess_choose_and_take_along(
     data = Path(incoming.value.path()).read_bytes()
     assert read_recognizer(data, "it").vote.value == "weighted answers"
 
-    page.get_by_label("Ask all questions").check()
+    page.locator("#objective input[value='all']").click()
     expect(page.locator("#about")).to_contain_text("none of which chose its questions")
     expect(page.locator("#vote input[value='weighted answers']")).to_be_disabled()
     with page.expect_download() as incoming:
         page.get_by_role("link", name="Download the recognizer").click()
     assert read_recognizer(Path(incoming.value.path()).read_bytes(), "it").origin is None
-    page.get_by_label("Ask all questions").uncheck()
+    page.locator("#objective input[value='s+']").click()
     expect(page.locator("#vote input[value='weighted answers']")).to_be_enabled()
     expect(page.locator("#about")).to_contain_text("weighted answers")
     assert watched.faults == []

@@ -29,6 +29,9 @@ from vqa_state.web.views import download, note, unfolding
 
 __all__ = ["Parts", "build", "wire"]
 
+#: Instead of an objective: nothing is chosen.
+ALL = "all"
+
 SMALL = {"video": {"width": 640, "height": 480}}
 
 
@@ -41,7 +44,6 @@ class Parts:
     vote: gr.Radio
     coverage: gr.Slider
     early: gr.Checkbox
-    of_all: gr.Checkbox
     about: gr.HTML
     link: gr.HTML
     verdict: gr.HTML
@@ -53,11 +55,8 @@ class Parts:
 def build(tab: gr.Tab) -> Parts:
     """Draw the tab."""
     choices = [(f"{one.value} – {hint}", one.value) for one, hint in HINTS.items()]
+    choices.append(("all – every question, where choosing loses accuracy", ALL))
     objective = gr.Radio(choices, label="Recognizer", elem_id="objective")
-    of_all = gr.Checkbox(
-        label="Ask all questions, without a choice", elem_id="of-all",
-        info="Where Results says that the choice loses accuracy. Counted by the paper's vote.",
-    )  # fmt: skip
     vote, coverage, early = _counting()
     about = widgets.note("about")
     link = widgets.note("download")
@@ -71,7 +70,7 @@ def build(tab: gr.Tab) -> Parts:
         seen = widgets.verdict("camera-verdict")
     other = recheck.build()
     return Parts(
-        tab, objective, vote, coverage, early, of_all, about, link, verdict, camera, seen, other
+        tab, objective, vote, coverage, early, about, link, verdict, camera, seen, other
     )  # fmt: skip
 
 
@@ -98,31 +97,32 @@ def wire(parts: Parts, page: Page) -> None:
     shown = [parts.objective, parts.about, parts.link, parts.verdict]
     page.fill(show, shown)
     page.refresh(parts.tab, show, shown)
-    counting = [parts.vote, parts.coverage, parts.early, parts.of_all]
+    counting = [parts.vote, parts.coverage, parts.early]
     page.fill(votes, counting)
     page.refresh(parts.tab, votes, counting)
     chosen = page.on(parts.objective.input, choose, [parts.objective], shown[1:])
     page.on(chosen.success, votes, (), counting)
     for field in (parts.vote.input, parts.coverage.release, parts.early.input):
         page.on(field, take, counting, shown[1:])
-    taken = page.on(parts.of_all.input, take, counting, shown[1:])
-    page.on(taken.success, votes, (), counting)
     recheck.wire(parts.other, page)
-    page.on(parts.camera.change, see, [parts.objective, parts.camera], [parts.seen])
+    page.on(parts.camera.change, see, [parts.camera], [parts.seen])
 
 
 def show(desk: Desk, pid: str) -> Any:
     """Choice, what it is, its link, and a place to try it."""
     with desk.reading(pid) as project:
         chosen = project.chosen
-    return chosen.value, *_shown(desk, pid, chosen)
+        value = ALL if project.all_questions else chosen.value
+    return value, *_shown(desk, pid, chosen)
 
 
 def choose(desk: Desk, pid: str, objective: Any) -> Any:
-    """Remember the choice, which ends asking all; what it is, its link, and a place to try it."""
-    chosen = checks.choice(objective, Objective, "the objective")
+    """Remember the choice; what it is, its link, and a place to try it."""
+    chosen = None if objective == ALL else checks.choice(objective, Objective, "the objective")
     with desk.changing(pid) as project:
-        project.chosen, project.all_questions = chosen, False
+        project.all_questions = chosen is None
+        project.chosen = chosen or project.chosen
+        chosen = project.chosen
     return _shown(desk, pid, chosen)
 
 
@@ -141,7 +141,6 @@ def votes(desk: Desk, pid: str) -> Any:
         gr.Radio(names, value=taken.vote.value, interactive=is_open),
         gr.Slider(value=share, interactive=is_open),
         taken.stop_early,
-        taken.all_questions,
     )
 
 
@@ -150,24 +149,26 @@ def _name(kind: VoteKind, assessed: Assessment | None) -> tuple[str, str]:
     return f"{kind.value} ★ recommended" if best else kind.value, kind.value
 
 
-def take(desk: Desk, pid: str, vote: Any, coverage: Any, early: Any, of_all: Any) -> Any:
-    """Remember what to ask and how to count; what it is, its link, and a place to try it."""
+def take(desk: Desk, pid: str, vote: Any, coverage: Any, early: Any) -> Any:
+    """Remember how to count; what it is, its link, and a place to try it."""
+    of_all = desk.taken(pid).all_questions
     desk.take(pid, taken_from(vote, coverage, early, of_all))
     return _shown(desk, pid, desk.snapshot(pid).chosen)
 
 
-def see(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
+def see(desk: Desk, pid: str, frame: Any) -> Any:
     """The verdict on a picture of the camera; nothing when it was put away."""
     if not isinstance(frame, np.ndarray):
         return {}
     try:
-        return {"verdict": _seen(desk, pid, objective, frame)}
+        return {"verdict": _seen(desk, pid, frame)}
     except VQAStateError as error:
         return {"failure": str(error)}
 
 
-def _seen(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
-    return verdicts.of_picture(desk, pid, objective, Image.fromarray(frame), desk.taken(pid))
+def _seen(desk: Desk, pid: str, frame: Any) -> Any:
+    chosen, picture = desk.snapshot(pid).chosen, Image.fromarray(frame)
+    return verdicts.of_picture(desk, pid, chosen, picture, desk.taken(pid))
 
 
 def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
