@@ -23,7 +23,7 @@ from vqa_state.models.hub import DownloadProgress
 from vqa_state.models.sight import N_CALLS
 from vqa_state.web import watching
 from vqa_state.web.desk import Desk
-from vqa_state.web.tabs import ask, model, model_words, recheck
+from vqa_state.web.tabs import ask, model, model_words, recheck, recognizer
 
 SERVER = "server:http://127.0.0.1:9/v1#some"
 STRANGE: list[Any] = [None, [], {}, True, 7, "nothing", "hub:..", "x" * 200_000]
@@ -307,6 +307,23 @@ def test_a_recognizer_is_tried_on_another_model(
     assert "may drop the image" in note["text"]
     assert desk.snapshot(optimized).test_looks == looks + 1
     assert desk.snapshot(optimized).model == "scripted"
+
+
+def test_what_the_tab_would_download_is_tried(
+    desk: Desk, optimized: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    other = ScriptedModel(
+        lambda image, question: asked.append(question) or Answer("no"),
+        name="other",
+        fingerprint="o/1",
+    )
+    monkeypatch.setitem(models._factories, "other", lambda: other)
+    recognizer.choose(desk, optimized, "all")
+    recheck.start(desk, optimized, "other")
+    assert finished(desk, optimized, recheck.KIND).state is JobState.DONE
+    every = {question.text for question in desk.snapshot(optimized).grid.build().questions}
+    assert set(asked) >= every  # and what the look whether it sees asks
 
 
 def test_one_click_optimizes_again_for_the_other_model(

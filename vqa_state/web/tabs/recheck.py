@@ -11,13 +11,14 @@ from vqa_state.checking import CheckProgress
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.rechecking import Rechecked, recheck
 from vqa_state.recognizer import Recognizer
-from vqa_state.tuning import OptimizeProgress, optimize, recognizer_path
+from vqa_state.tuning import OptimizeProgress, optimize
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.looking import look_first, look_note, with_told
 from vqa_state.web.page import Page
 from vqa_state.web.tabs.model import HINT, listed
 from vqa_state.web.tabs.optimize import PROVING
+from vqa_state.web.taken import taken_recognizer
 from vqa_state.web.views import note
 
 __all__ = ["Parts", "build", "wire"]
@@ -74,10 +75,10 @@ def wire(parts: Parts, page: Page) -> None:
 
 
 def start(desk: Desk, pid: str, model: Any) -> None:
-    """Begin to re-check the chosen recognizer."""
+    """Begin to re-check the recognizer that the tab would download."""
     name = checks.text(model, "the other model")
     project = desk.snapshot(pid)
-    recognizer = Recognizer.load(recognizer_path(project, project.chosen))
+    recognizer = taken_recognizer(project, project.chosen, desk.taken(pid))
     desk.jobs.start(pid, KIND, rechecking(desk, pid, recognizer, name))
 
 
