@@ -6,7 +6,7 @@ import threading
 import numpy as np
 import pytest
 from genetic_tables import QUICK, last, table
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vqa_state.errors import NothingToSearchError
@@ -65,6 +65,7 @@ def test_the_fittest_by_the_documented_order(vectors, data):
 
 
 @given(st.integers(0, 2**32), st.sampled_from(Objective))
+@example(653, Objective.S_PRIME_MINUS)
 @settings(max_examples=20, deadline=None)
 def test_reports_are_consistent_and_the_best_never_falls(seed, objective):
     counts = table(n_questions=12)
@@ -74,7 +75,8 @@ def test_reports_are_consistent_and_the_best_never_falls(seed, objective):
     best = [r.best_fitness for r in reports]
     assert best == sorted(best)
     for report in reports:
-        assert report.mean_fitness <= report.best_fitness
+        # The mean of equal floats may be some last bits above each of them.
+        assert report.mean_fitness <= report.best_fitness + 1e-9
         assert report.terms == Fitness(counts, objective).terms(report.subset)
         assert report.terms.value == report.best_fitness
 
