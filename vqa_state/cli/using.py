@@ -96,7 +96,7 @@ def export(
         bool | None,
         typer.Option(
             "--all-questions/--chosen-questions",
-            help="Ask all, by the paper's vote, where `evaluate` says that choosing loses; kept.",
+            help="Ask all, by the paper's vote, where `assess` says that choosing loses; kept.",
         ),
     ] = None,
     as_json: Json = False,
