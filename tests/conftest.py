@@ -1,5 +1,7 @@
 """Fixtures for all tests: small pictures, projects on disk, a model without a network."""
 
+import signal
+
 import pytest
 from hypothesis import settings
 from pictures import picture
@@ -15,6 +17,10 @@ from vqa_state.splits import Split
 
 settings.register_profile("house", deadline=None)  # a busy machine is no failure
 settings.load_profile("house")
+
+# A shell that starts the tests in the background has Ctrl-C ignored; what tests start would, too.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def say_yes(image, question):
