@@ -80,9 +80,14 @@ def test_all_questions_are_exported_until_a_choice_is_named(run, tmp_path, folde
     assert f"without a choice, {len(every)} questions" in said
     document = json.loads(run("export", folder, out, "--json")[1])  # it is kept
     assert (document["objective"], Recognizer.load(out)) == (None, written)
-    run("export", folder, out, "--objective", "s-")
+    run("export", folder, out, "--vote", "paper", "--coverage", 1)  # which all have, too
+    assert Recognizer.load(out) == written
+    said = run("export", folder, out, "--objective", "s-")[1]
     assert Recognizer.load(out).origin.objective is Objective.S_MINUS
+    assert "no longer all questions" in said
+    assert "no longer" not in run("export", folder, out, "--objective", "s-")[1]
     run("export", folder, out, "--all-questions")
+    assert "`export` writes all questions instead" in run("report", folder)[1]
     run("export", folder, out, "--chosen-questions")
     assert Recognizer.load(out).origin.objective is Objective.S_MINUS
     code, _, err = run("export", folder, out, "--all-questions", "--vote", "threshold")

@@ -144,7 +144,9 @@ class TestWords:
         tally = {"labels": [1, 1, -1, -1], "tested": [2] * 4, "recognized": ways}
         numbers["tasks"] = [row | {"tally": tally}]
         said = "50.0 points with the whole grid, 25.0 with s+ from a random start, 0.0 with s+."
-        assert f"on other people's simulators {said}" in failures(numbers)
+        assert f"on other people's simulators (1 task) {said}" in failures(numbers)
+        numbers["tasks"] = [row | {"s_plus": None}]
+        assert "The lean before" not in failures(numbers)
 
     def test_of_false_premises_name_the_picture_first_and_the_worst_pair_first(self, numbers):
         numbers["premises"] = [

@@ -6,11 +6,13 @@ import pytest
 from vqa_state import models
 from vqa_state.answers import Answer
 from vqa_state.asking import ask
+from vqa_state.errors import RecognizerError
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.project import Project
 from vqa_state.rechecking import Rechecked, recheck
 from vqa_state.recognizer import Recognizer, recognize_all
 from vqa_state.tuning import optimize, recognizer_path
+from vqa_state.voting.kinds import VoteKind
 
 
 def truth(project):
@@ -92,6 +94,17 @@ def test_nothing_is_paid_twice(tuned):
     assert n_asked > 0
     rechecked(tuned, model)
     assert len(model.asked) == n_asked
+
+
+def test_a_vote_by_p_yes_pays_one_call_to_learn_that_there_is_none(tuned):
+    plain = Recognizer.load(recognizer_path(tuned, tuned.chosen))
+    recognizer = plain.model_copy(update={"vote": VoteKind.WEIGHTED_P_YES})
+    silent = ScriptedModel(lambda image, question: Answer("yes"), name="silent", fingerprint="s/1")
+    with pytest.raises(RecognizerError, match="gave none"):
+        list(recheck(recognizer, tuned, silent))
+    assert len(silent.asked) == 1
+    *_, last = recheck(recognizer, tuned, knowing(tuned, name="sure"))
+    assert isinstance(last, Rechecked)
 
 
 def test_the_own_model_needs_no_call(tuned):

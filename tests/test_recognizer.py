@@ -121,7 +121,7 @@ def test_failed_call_is_an_error_never_a_verdict():
 
 def test_another_model_is_refused():
     model = ScriptedModel(lambda *_: Answer("yes"), fingerprint="scripted/2")
-    with pytest.raises(RecognizerError, match=r"chosen for 'scripted/1'.*optimize"):
+    with pytest.raises(RecognizerError, match=r"are for 'scripted/1'.*optimize"):
         recognizer().recognize(draw(1), model)
 
 
@@ -172,6 +172,7 @@ def with_score(**fields) -> bytes:
         (b"\xff\xfe", "is no JSON file or is damaged"),
         (b"[]", "is no recognizer file"),
         (b'{"schema_version": "1"}', "is no recognizer file"),
+        (changed(schema_version=0), "is no recognizer file"),
         (changed(schema_version=4), "schema version 4; this program reads up to 3"),
         (changed(calls_per_image=6, vote="threshold"), "digest does not fit"),
         (changed(name="other"), "digest does not fit"),

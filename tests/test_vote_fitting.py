@@ -294,6 +294,9 @@ class TestRecommending:
         close = recommend({VoteKind.PAPER: 0.8, VoteKind.THRESHOLD: 0.81}, 20)
         assert close.kind is VoteKind.PAPER
         assert "too little more" in close.reason
+        for last in (0.3, 0.1 + 0.2):
+            three = {VoteKind.PAPER: 0.3, VoteKind.THRESHOLD: 0.3, VoteKind.WEIGHTED_ANSWERS: last}
+            assert "best other one ('threshold')" in recommend(three, 20).reason
         for same in (0.3, 0.1 + 0.2):  # the same share, added up in another order
             equal = recommend({VoteKind.PAPER: 0.3, VoteKind.THRESHOLD: same}, 20)
             assert "no better" in equal.reason

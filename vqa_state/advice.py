@@ -53,9 +53,9 @@ def everything_sentence(rows: Sequence[Standing], assessed: Assessment | None) -
     if ahead <= NEAR:
         return f"{said}. So the choice gains no accuracy here{saves}."
     return (
-        f"{said}. So the choice loses accuracy here{saves}: take “all” on Recognizer (or "
-        "`export --all-questions`), label more images, or add questions that look at other things, "
-        "such as the ready cues."
+        f"{said}. So the choice loses accuracy here{saves}. All can be taken on Recognizer (or by "
+        "`export --all-questions`); else label more images, or add questions that look at other "
+        "things, such as the ready cues."
     )
 
 

@@ -14,15 +14,17 @@ from vqa_state.answers import Answer
 from vqa_state.asking import AskProgress, ask
 from vqa_state.augment import Augmentation
 from vqa_state.comparing import compare
-from vqa_state.errors import NothingToSearchError
+from vqa_state.errors import NothingToSearchError, RecognizerError
 from vqa_state.evaluation import Interval, exact_interval
 from vqa_state.models.base import VQAModel
 from vqa_state.project import LabelledImage, Project
 from vqa_state.questions import Question, QuestionGrid
 from vqa_state.recognizer import Recognizer
+from vqa_state.recognizer_votes import NO_PROBABILITIES
 from vqa_state.splits import Split
 from vqa_state.store import AnswerStore, copy_keys
 from vqa_state.verdict import State
+from vqa_state.voting.kinds import VoteKind
 
 __all__ = ["Rechecked", "SideCheck", "recheck"]
 
@@ -96,10 +98,13 @@ def recheck(
 
     Raises:
         NothingToSearchError: if no image is labelled, or the model answered about none in full.
+        RecognizerError: if the vote counts probabilities, and the model's first answer has none.
         ProjectError: if another program asks about this project now.
         StoreError: if an answer cannot be stored.
     """
     asked = _asked(recognizer, project)
+    if recognizer.vote is VoteKind.WEIGHTED_P_YES:
+        _require_probabilities(asked, model, stop)
     for progress in ask(asked, model, stop):
         yield progress
         if progress.stopped:
@@ -139,6 +144,27 @@ def _asked(recognizer: Recognizer, project: Project) -> Project:
         augmentation=Augmentation(shifts.kind, shifts.amount, shifts.n_copies),
         seed=shifts.seed,
     )
+
+
+def _require_probabilities(asked: Project, model: VQAModel, stop: Callable[[], bool]) -> None:
+    """One call shows whether the model gives any, before thousands are paid for."""
+    image = next(iter((*asked.labelled(Split.TRAIN), *asked.labelled(Split.TEST))), None)
+    if image is None:
+        return  # asking says what is missing
+    (question, *_) = asked.grid.custom
+    one = replace(
+        asked,
+        images={image.id: image},
+        grid=QuestionGrid(custom=(question,)),
+        augmentation=replace(asked.augmentation, n_copies=1),
+    )
+    for _ in ask(one, model, stop):
+        pass
+    (key,) = copy_keys(image.pixel_hash, one.augmentation, one.seed)
+    with AnswerStore(asked.store_path) as store:
+        said = store.answers(model.fingerprint, key, [question.text])
+    if any(answer.p_yes is None for answer in said.values()):
+        raise RecognizerError(NO_PROBABILITIES)
 
 
 def _side(

@@ -265,7 +265,7 @@ class Recognizer(Record):
         """
         if model.fingerprint != self.model.fingerprint:
             raise RecognizerError(
-                f"these questions were chosen for {self.model.fingerprint!r}, but the model here "
+                f"these questions are for {self.model.fingerprint!r}, but the model here "
                 f"is {model.fingerprint!r}. If it is the same model elsewhere, on another device "
                 "or at another precision, name it as it was: `python -m vqa_state recognize "
                 "--model ADDRESS`, with ?device=DEVICE&precision=PRECISION at the address's end. "

@@ -86,7 +86,7 @@ class States(Record):
 
 
 class ModelReference(Record):
-    """The model that the questions were chosen for. Its revision stands in the fingerprint."""
+    """The model that the questions are for. Its revision stands in the fingerprint."""
 
     name: Annotated[str, Field(min_length=1, max_length=MAX_ADDRESS)]
     """How the model was called where it was asked: a name or an address."""
@@ -251,7 +251,8 @@ class ScoreRecord(Record):
 class Scores(Record):
     """Training images chose the questions; only the test images say how good they are.
 
-    Unless `origin` is null: then no image chose, and the training images say it as well.
+    Unless `origin` is null: then no image chose a question, and the training images say it as
+    well, apart from the one choice to take all.
     """
 
     train: ScoreRecord
@@ -300,7 +301,7 @@ def upgraded(content: dict[str, Any], shown: str) -> dict[str, Any]:
         RecognizerError: if it has no version, or comes from a newer program.
     """
     version = content.get("schema_version")
-    if not isinstance(version, int) or isinstance(version, bool):
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise RecognizerError(f"{shown} is no recognizer file: it has no schema_version")
     if version > SCHEMA_VERSION:
         raise RecognizerError(

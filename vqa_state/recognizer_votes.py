@@ -14,11 +14,16 @@ from vqa_state.recognizer_file import States, WeightedQuestion
 from vqa_state.verdict import State, Verdict, Vote
 from vqa_state.voting.kinds import VoteKind
 
-__all__ = ["Said", "Shares", "as_arrays", "as_verdict", "judged_so_far"]
+__all__ = ["NO_PROBABILITIES", "Said", "Shares", "as_arrays", "as_verdict", "judged_so_far"]
 
 #: What answers speak for, and shares of the positive state, by copy and question.
 Said = NDArray[np.int8]
 Shares = NDArray[np.float32]
+
+NO_PROBABILITIES = (
+    "this recognizer counts the model's own probabilities, and the model gave none with an answer; "
+    "use a model that gives them, or export another kind of vote"
+)
 
 
 def as_arrays(
@@ -52,10 +57,7 @@ def as_arrays(
     if kind is not VoteKind.WEIGHTED_P_YES:
         return said, None
     if np.isnan(p_positive[said != MISSING]).any():
-        raise RecognizerError(
-            "this recognizer counts the model's own probabilities, and the model gave none "
-            "with an answer; use a model that gives them, or export another kind of vote"
-        )
+        raise RecognizerError(NO_PROBABILITIES)
     return said, p_positive
 
 

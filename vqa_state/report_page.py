@@ -150,6 +150,7 @@ def _provenance(project: Project, found: Results, assessed: Assessment | None) -
         f"Search: {saved.engine.value}, {sizes.population} individuals, {sizes.generations} "
         f"generations, seed {saved.seed}, α {saved.weights.alpha:g}, β {saved.weights.beta:g}, "
         f"{'finished' if saved.finished else 'stopped by the user'}",
+        *(["Taken: all questions, by the paper's vote"] if project.all_questions else []),
         *_assessed_how(assessed),
         *_looked(project, found),
         *report.look_alike_sentences(project),

@@ -219,8 +219,9 @@ def test_a_strange_objective_is_refused(desk: Desk, optimized: str, strange: Any
 
 def test_the_camera_is_tried(desk: Desk, optimized: str) -> None:
     dark = np.zeros((48, 64, 3), np.uint8)
-    assert recognizer.see(desk, optimized, dark)["verdict"]["state_name"] == "open"
-    assert recognizer.see(desk, optimized, None) == {}
+    assert recognizer.see(desk, optimized, "s+", dark)["verdict"]["state_name"] == "open"
+    assert recognizer.see(desk, optimized, "s+", None) == {}
+    assert "must be one of" in recognizer.see(desk, optimized, "?", dark)["failure"]
 
 
 def test_before_optimizing_there_is_no_link(desk: Desk, pid: str) -> None:

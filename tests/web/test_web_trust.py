@@ -269,7 +269,8 @@ def test_the_recommended_vote_is_taken_only_when_asked(desk: Desk, assessed: str
     _, kept = found_and_assessed(desk.snapshot(assessed))
     assert kept is not None
     assert desk.taken(assessed) == Taken()
-    desk.take(assessed, Taken(coverage=0.8, stop_early=True))
+    recognizer.take_coverage(desk, assessed, 0.8)
+    recognizer.take_early(desk, assessed, True)
     assess.use(desk, assessed)
     assert desk.taken(assessed) == Taken(kept.recommendation.kind, 0.8, True)
     assert Desk(desk.root).taken(assessed) == Taken(kept.recommendation.kind, 0.8)  # restarted
@@ -278,12 +279,30 @@ def test_the_recommended_vote_is_taken_only_when_asked(desk: Desk, assessed: str
     assert [value for _, value in radio.choices] == [kind.value for kind in kept.votes]
 
 
+def took(desk: Desk, pid: str, vote: Any, coverage: Any, early: Any) -> Any:
+    """One field after the other; what the tab then shows below its fields."""
+    recognizer.take_vote(desk, pid, vote)
+    recognizer.take_coverage(desk, pid, coverage)
+    return recognizer.take_early(desk, pid, early)[1:]
+
+
+def test_a_field_that_changes_leaves_what_another_window_chose(desk: Desk, assessed: str) -> None:
+    recognizer.take_vote(desk, assessed, "threshold")
+    recognizer.take_coverage(desk, assessed, 0.9)
+    assert recognizer.take_early(desk, assessed, True)[0] == "s+"
+    assert desk.taken(assessed) == Taken(VoteKind.THRESHOLD, 0.9, True)
+    recognizer.choose(desk, assessed, "all")
+    assert recognizer.take_vote(desk, assessed, "paper")[0] == "all"
+    recognizer.choose(desk, assessed, "s+")
+    assert desk.taken(assessed) == Taken(VoteKind.THRESHOLD, 0.9, True)
+
+
 @pytest.mark.parametrize("vote", [VoteKind.PAPER, VoteKind.THRESHOLD, VoteKind.WEIGHTED_ANSWERS])
 @pytest.mark.parametrize("coverage", [1, 0.5])
 def test_the_download_is_what_was_taken(
     client: TestClient, desk: Desk, assessed: str, vote: VoteKind, coverage: float
 ) -> None:
-    about, link, place = recognizer.take(desk, assessed, vote.value, coverage, True)
+    about, link, place = took(desk, assessed, vote.value, coverage, True)
     project = desk.snapshot(assessed)
     found, kept = found_and_assessed(project)
     assert found is not None
@@ -298,15 +317,15 @@ def test_the_download_is_what_was_taken(
     ).json()
     all_calls = wanted.calls_per_image
     assert verdict["n_calls"] + verdict["n_skipped"] == all_calls
-    seen = recognizer.see(desk, assessed, np.zeros((48, 64, 3), np.uint8))["verdict"]
+    seen = recognizer.see(desk, assessed, "s+", np.zeros((48, 64, 3), np.uint8))["verdict"]
     assert seen["n_calls"] + seen["n_skipped"] == all_calls
 
 
 def test_all_questions_can_be_taken_instead_of_the_chosen_ones(
     client: TestClient, desk: Desk, assessed: str
 ) -> None:
-    kind = VoteKind.WEIGHTED_ANSWERS.value
-    recognizer.take(desk, assessed, kind, 0.5, False)
+    kind = VoteKind.THRESHOLD.value
+    took(desk, assessed, kind, 0.5, False)
     about, link, place = recognizer.choose(desk, assessed, "all")
     project = desk.snapshot(assessed)
     found, _ = found_and_assessed(project)
@@ -321,9 +340,12 @@ def test_all_questions_can_be_taken_instead_of_the_chosen_ones(
         f"/projects/{assessed}/recognize/s+{place['query']}", content=project.read(image)
     ).json()
     assert verdict["n_calls"] == wanted.calls_per_image
-    assert recognizer.take(desk, assessed, kind, 0.5, False)[1] == link  # vote and share wait
-    seen = recognizer.see(desk, assessed, np.zeros((48, 64, 3), np.uint8))["verdict"]
+    assert took(desk, assessed, "paper", 1, False)[1] == link  # of another window: they wait
+    frame = np.zeros((48, 64, 3), np.uint8)
+    seen = recognizer.see(desk, assessed, "all", frame)["verdict"]
     assert seen["n_calls"] == wanted.calls_per_image
+    chosen = recognizer.see(desk, assessed, "s+", frame)["verdict"]  # of a page that shows it
+    assert chosen["n_calls"] < wanted.calls_per_image
     restarted = Desk(desk.root)
     assert recognizer.show(restarted, assessed)[0] == "all"
     radio, slider, _ = recognizer.votes(restarted, assessed)
@@ -337,13 +359,14 @@ def test_a_choice_ends_asking_all(desk: Desk, assessed: str, end: str) -> None:
     if end == "choose":
         recognizer.choose(desk, assessed, "s-")
     else:
-        assess.use(desk, assessed)
+        assert "no longer all" in assess.use(desk, assessed)["text"]
+        assert "no longer all" not in assess.use(desk, assessed)["text"]
     assert not desk.taken(assessed).all_questions
     assert recognizer.votes(desk, assessed)[0].interactive
 
 
 def test_what_is_not_assessed_cannot_be_taken_along(desk: Desk, assessed: str) -> None:
-    recognizer.take(desk, assessed, VoteKind.THRESHOLD.value, 1, False)
+    took(desk, assessed, VoteKind.THRESHOLD.value, 1, False)
     about, link, place = recognizer.choose(desk, assessed, "s-")
     assert "Assess" in about["text"]
     assert "link" not in link
@@ -356,7 +379,7 @@ def test_strange_choices_change_nothing(desk: Desk, assessed: str, strange: Any)
         if fields == ("paper", 1, True):
             continue
         with pytest.raises(RequestError):
-            recognizer.take(desk, assessed, *fields)
+            took(desk, assessed, *fields)
     assert desk.taken(assessed) == Taken()
 
 

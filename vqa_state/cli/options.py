@@ -197,3 +197,5 @@ def _print(project: Project, found: Results) -> None:
         looks = "once" if not project.test_looks else f"{project.test_looks + 1} times"
         print(f"The test results were looked at {looks}.")
     print(f"Recognizer ({project.chosen.value}): {recognizer_path(project, project.chosen)}")
+    if project.all_questions:
+        print("`export` writes all questions instead, as you chose.")

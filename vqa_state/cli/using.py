@@ -96,13 +96,17 @@ def export(
         bool | None,
         typer.Option(
             "--all-questions/--chosen-questions",
-            help="Ask all, by the paper's vote, where `assess` says that choosing loses; kept.",
+            help="Ask all, by the paper's vote, where `assess` says that choosing loses; kept "
+            "until --objective, another --vote or a --coverage is named.",
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Write one recognizer file. The project's choice is s+ with the paper's vote at first."""
-    names_a_choice = any(one is not None for one in (objective, vote, coverage))
+    # The paper's vote and a verdict for every image are what all questions have, too.
+    names_a_choice = (
+        objective is not None or vote not in (None, VoteKind.PAPER) or coverage not in (None, 1)
+    )
     if all_questions and names_a_choice:
         raise typer.BadParameter(
             "--all-questions takes all by the paper's vote; leave out --objective, --vote and "
@@ -114,6 +118,7 @@ def export(
     project.vote = vote or project.vote
     if coverage is not None:
         project.coverage = None if coverage == 1 else coverage
+    had_all = project.all_questions
     if names_a_choice or all_questions is not None:
         project.all_questions = bool(all_questions)
     recognizer = _exported(project, found)
@@ -125,6 +130,7 @@ def export(
         words += f", vote {recognizer.vote.value}"
     if recognizer.abstain.coverage is not None:
         words += f", unknown below a sureness of {recognizer.abstain.min_sureness:.2f}"
+    words += "; no longer all questions" if had_all and not project.all_questions else ""
     record = {
         "path": str(out),
         "objective": None if project.all_questions else project.chosen.value,

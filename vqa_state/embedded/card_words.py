@@ -26,7 +26,7 @@ def failures(numbers: Mapping[str, Any]) -> str:
     """A list of what the numbers say, as Markdown."""
     lines = [
         *_leans(numbers["tasks"]),
-        _leans_left(numbers["tasks"]),
+        *_leans_left(numbers["tasks"]),
         _probabilities(numbers["calibration"]),
         *_search(numbers["groups"], numbers["tasks"]),
         _start(numbers["groups"]),
@@ -75,7 +75,7 @@ def _leans(tasks: Sequence[_Row]) -> list[str]:
     return found
 
 
-def _leans_left(tasks: Sequence[_Row]) -> str:
+def _leans_left(tasks: Sequence[_Row]) -> list[str]:
     """How far from one half the share called positive is, of the grid and of what was chosen."""
     said = []
     for group, words in GROUPS.items():
@@ -90,13 +90,20 @@ def _leans_left(tasks: Sequence[_Row]) -> str:
                 for way in ("s_all", "s_plus_random", "s_plus")
             )
             said.append(
-                f"on {words} {grid:.1f} points with the whole grid, {random:.1f} with s+ from a "
-                f"random start, {ours:.1f} with s+"
+                f"on {words} ({_tasks(len(tallies))}) {grid:.1f} points with the whole grid, "
+                f"{random:.1f} with s+ from a random start, {ours:.1f} with s+"
             )
-    return (
-        "**What choosing leaves of the lean.** On the pictures that were not chosen on, the share "
-        f"called positive is off one half, on average over the tasks: {'; '.join(said)}."
-    )
+    if not said:
+        return []
+    return [
+        "**The lean before and after choosing.** On the pictures that were not chosen on, the "
+        "share called positive is off one half, on average over the searched tasks: "
+        f"{'; '.join(said)}."
+    ]
+
+
+def _tasks(n: int) -> str:
+    return f"{n} task{'' if n == 1 else 's'}"
 
 
 def _probabilities(groups: Mapping[str, _Row]) -> str:

@@ -52,7 +52,10 @@ class Tally:
         )
 
     def called_positive(self, way: str) -> float:
-        """The mean over the states of the share called positive; 0.5 has no lean."""
+        """The mean over the states of the share called positive; 0.5 has no lean.
+
+        A picture without a verdict counts as called the other state: it was not recognized.
+        """
         positive, negative = (
             float(gained.sum() / tested.sum()) for gained, tested in self.of_states(way)
         )

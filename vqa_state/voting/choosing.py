@@ -63,7 +63,8 @@ def recommend(shares: Mapping[VoteKind, float], n_images: int) -> Recommendation
     elif not others:
         reason = f"out of bag, it recognizes {images(chosen)} training images; there is no other"
     else:
-        best = max(others, key=lambda kind: shares[kind])
+        most = max(shares[kind] for kind in others)
+        best = next(kind for kind in others if shares[kind] >= most - _EXACT)
         reason = (
             f"out of bag, the vote by {chosen.value!r} recognizes {images(chosen)} training "
             f"images, the best other one ({best.value!r}) {images(best)}"

@@ -136,16 +136,9 @@ class Desk:
             early = str(pid) in self._early
             return Taken(project.vote, project.coverage, early, project.all_questions)
 
-    def take(self, pid: object, taken: Taken) -> None:
-        """Keep what is taken in the project, and here whether trying it stops early.
-
-        Raises:
-            ProjectError: if there is no such project.
-        """
-        with self.changing(pid) as project:
-            project.vote, project.coverage = taken.vote, taken.coverage
-            project.all_questions = taken.all_questions
-        (self._early.add if taken.stop_early else self._early.discard)(str(pid))
+    def stop_early(self, pid: object, early: bool) -> None:
+        """Remember whether trying a project's recognizer stops as soon as the verdict is sure."""
+        (self._early.add if early else self._early.discard)(str(pid))
 
     def _name(self, pid: str) -> str:
         path = self.root / pid / "project.json"

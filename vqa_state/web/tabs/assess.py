@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import gradio as gr
@@ -204,13 +204,17 @@ def look(desk: Desk, pid: str) -> tuple[Any, ...]:
 
 
 def use(desk: Desk, pid: str) -> Any:
-    """Take the recommended vote, which ends asking all; the rest stays as it was chosen."""
+    """Take the recommended vote, which ends asking all; coverage stays as it was chosen."""
     _, assessed = found_and_assessed(desk.snapshot(pid))
     if assessed is None:
         raise NothingToSearchError("images, labels or questions changed; optimize and assess again")
     kind = assessed.recommendation.kind
-    desk.take(pid, replace(desk.taken(pid), vote=kind, all_questions=False))
-    return note(f"Taken: the vote by “{kind.value}”. Recognizer shows it and writes it.", "good")
+    with desk.changing(pid) as project:
+        ended = f" with the questions of {project.chosen.value}, no longer all"
+        instead = ended if project.all_questions else ""
+        project.vote, project.all_questions = kind, False
+    said = f"Taken: the vote by “{kind.value}”{instead}. Recognizer shows it and writes it."
+    return note(said, "good")
 
 
 def forget(_desk: Desk, _pid: str) -> Any:

@@ -1,6 +1,6 @@
 """Last stretch: choose a recognizer, take it with you, try it on a new picture."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import quote
 
@@ -55,7 +55,7 @@ class Parts:
 def build(tab: gr.Tab) -> Parts:
     """Draw the tab."""
     choices = [(f"{one.value} – {hint}", one.value) for one, hint in HINTS.items()]
-    choices.append(("all – every question, where choosing loses accuracy", ALL))
+    choices.append(("all – every question, nothing chosen", ALL))
     objective = gr.Radio(choices, label="Recognizer", elem_id="objective")
     vote, coverage, early = _counting()
     about = widgets.note("about")
@@ -102,10 +102,15 @@ def wire(parts: Parts, page: Page) -> None:
     page.refresh(parts.tab, votes, counting)
     chosen = page.on(parts.objective.input, choose, [parts.objective], shown[1:])
     page.on(chosen.success, votes, (), counting)
-    for field in (parts.vote.input, parts.coverage.release, parts.early.input):
-        page.on(field, take, counting, shown[1:])
+    for field, changed, fn in (
+        (parts.vote, parts.vote.input, take_vote),
+        (parts.coverage, parts.coverage.release, take_coverage),
+        (parts.early, parts.early.input, take_early),
+    ):
+        taken = page.on(changed, fn, [field], shown)
+        page.on(taken.success, votes, (), counting)
     recheck.wire(parts.other, page)
-    page.on(parts.camera.change, see, [parts.camera], [parts.seen])
+    page.on(parts.camera.change, see, [parts.objective, parts.camera], [parts.seen])
 
 
 def show(desk: Desk, pid: str) -> Any:
@@ -149,26 +154,43 @@ def _name(kind: VoteKind, assessed: Assessment | None) -> tuple[str, str]:
     return f"{kind.value} ★ recommended" if best else kind.value, kind.value
 
 
-def take(desk: Desk, pid: str, vote: Any, coverage: Any, early: Any) -> Any:
-    """Remember how to count; what it is, its link, and a place to try it."""
-    of_all = desk.taken(pid).all_questions
-    desk.take(pid, taken_from(vote, coverage, early, of_all))
-    return _shown(desk, pid, desk.snapshot(pid).chosen)
+def take_vote(desk: Desk, pid: str, vote: Any) -> Any:
+    """Remember the kind of vote, unless all are asked; what `show` gives."""
+    taken = taken_from(vote, 1)
+    with desk.changing(pid) as project:
+        project.vote = project.vote if project.all_questions else taken.vote
+    return show(desk, pid)
 
 
-def see(desk: Desk, pid: str, frame: Any) -> Any:
+def take_coverage(desk: Desk, pid: str, coverage: Any) -> Any:
+    """Remember the share of verdicts, unless all are asked; what `show` gives."""
+    taken = taken_from(VoteKind.PAPER.value, coverage)
+    with desk.changing(pid) as project:
+        project.coverage = project.coverage if project.all_questions else taken.coverage
+    return show(desk, pid)
+
+
+def take_early(desk: Desk, pid: str, early: Any) -> Any:
+    """Remember whether trying it stops early; what `show` gives."""
+    desk.stop_early(pid, taken_from(VoteKind.PAPER.value, 1, early).stop_early)
+    return show(desk, pid)
+
+
+def see(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
     """The verdict on a picture of the camera; nothing when it was put away."""
     if not isinstance(frame, np.ndarray):
         return {}
     try:
-        return {"verdict": _seen(desk, pid, frame)}
+        return {"verdict": _seen(desk, pid, objective, frame)}
     except VQAStateError as error:
         return {"failure": str(error)}
 
 
-def _seen(desk: Desk, pid: str, frame: Any) -> Any:
-    chosen, picture = desk.snapshot(pid).chosen, Image.fromarray(frame)
-    return verdicts.of_picture(desk, pid, chosen, picture, desk.taken(pid))
+def _seen(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
+    """By the choice that this page shows, as its download is."""
+    taken = replace(desk.taken(pid), all_questions=objective == ALL)
+    chosen = desk.snapshot(pid).chosen.value if taken.all_questions else objective
+    return verdicts.of_picture(desk, pid, chosen, Image.fromarray(frame), taken)
 
 
 def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
@@ -200,12 +222,14 @@ def _about(recognizer: Recognizer) -> Any:
         f"{questions} about {n_copies} copies of an image: {recognizer.calls_per_image} calls to "
         f"the model “{recognizer.model.name}”.",
         f"It recognizes {train.n_recognized} of the {train.n_images} training images"
-        + (
-            ", none of which chose its questions."
-            if recognizer.origin is None
-            else " that chose its questions; for new images, see the test images on Results."
-        ),
+        f"{', none of which chose' if recognizer.origin is None else ' that chose'} its questions; "
+        "for new images, see the test images on Results.",
     ]
+    if recognizer.origin is None:
+        lines.append(
+            "Its answers are counted by the paper's vote. The kind of vote and the share of "
+            "verdicts above wait until a set of questions is chosen again."
+        )
     if recognizer.vote is not VoteKind.PAPER:
         lines.append(f"Answers are counted by the vote “{recognizer.vote.value}”.")
     if recognizer.abstain.coverage is not None:
