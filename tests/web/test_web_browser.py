@@ -225,6 +225,12 @@ def ask_and_reload_meanwhile(watched: Watched, gate: Gate) -> None:
     page = watched.page
     page.get_by_role("tab", name="Ask").click()
     expect(page.locator("#cost")).to_contain_text("20 images × 6 copies × 31 questions")
+    page.get_by_role("button", name="Advanced: copies of each image").click()
+    page.get_by_role("slider", name="Copies of each image").focus()
+    for key, n in (("ArrowRight", 8), ("ArrowLeft", 6)):
+        page.keyboard.press(key)
+        page.keyboard.press(key)
+        expect(page.locator("#cost")).to_contain_text(f"20 images × {n} copies × 31 questions")
     choose_model(page)
     gate.opened.clear()
     page.locator("#ask-start").click()

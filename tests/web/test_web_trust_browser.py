@@ -60,6 +60,11 @@ def test_assess_choose_and_take_along(
         page.get_by_role("link", name="Download the recognizer").click()
     data = Path(incoming.value.path()).read_bytes()
     assert read_recognizer(data, "it").vote.value == "weighted answers"
+    page.locator("#coverage input[type=range]").focus()
+    for _ in range(4):  # faster than each is answered
+        page.keyboard.press("ArrowLeft")
+    expect(page.locator("#about")).to_contain_text("about 80% of new images")
+    assert desk.taken(optimized).coverage == 0.8
 
     page.locator("#objective input[value='all']").click()
     expect(page.locator("#about")).to_contain_text("none of which chose its questions")

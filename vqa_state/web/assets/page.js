@@ -9,4 +9,12 @@
     }
     pressed = false;
   });
+
+  // Its sliders tell that they were released by a pointer only; the keys let go as well.
+  const moving = ['Arrow', 'Page', 'Home', 'End'];
+  document.addEventListener('keyup', ({target, key}) => {
+    if (target.matches('input[type="range"]') && moving.some((one) => key.startsWith(one))) {
+      target.dispatchEvent(new PointerEvent('pointerup', {bubbles: true}));
+    }
+  });
 }

@@ -79,7 +79,7 @@ def wire(parts: Parts, page: Page) -> None:
         page.on(event.then, costs, [chosen], [parts.cost])
     page.on(parts.tab.select, costs, [chosen], [parts.cost], queue=False)
     for field in (parts.kind.input, parts.amount.release, parts.n_copies.release):
-        page.change(field, augment, [*settings, chosen], [parts.cost])
+        page.change(field, augment, [*settings, chosen], [parts.cost], trigger_mode="always_last")
     started = page.on(parts.start.click, start, [chosen], [])
     for trigger in (started.success, page.arrived.then):
         page.then_road(page.on(follow(trigger).then, costs, [chosen], [parts.cost]))

@@ -102,13 +102,13 @@ def wire(parts: Parts, page: Page) -> None:
     page.refresh(parts.tab, votes, counting)
     chosen = page.on(parts.objective.input, choose, [parts.objective], shown[1:])
     page.on(chosen.success, votes, (), counting)
-    for field, changed, fn in (
-        (parts.vote, parts.vote.input, take_vote),
-        (parts.coverage, parts.coverage.release, take_coverage),
-        (parts.early, parts.early.input, take_early),
-    ):
-        taken = page.on(changed, fn, [field], shown)
+    for field, fn in ((parts.vote, take_vote), (parts.early, take_early)):
+        taken = page.on(field.input, fn, [field], shown)
         page.on(taken.success, votes, (), counting)
+    # The slider is not filled anew: it may be on its way further, under a finger or an arrow key.
+    page.on(
+        parts.coverage.release, take_coverage, [parts.coverage], shown, trigger_mode="always_last"
+    )
     recheck.wire(parts.other, page)
     page.on(parts.camera.change, see, [parts.objective, parts.camera], [parts.seen])
 
