@@ -5,6 +5,7 @@ import json
 from contextlib import contextmanager
 
 import pytest
+from made_recognizers import recognizer
 from pictures import draw, encode, picture
 from typer.testing import CliRunner
 
@@ -14,7 +15,7 @@ from vqa_state.cli import running
 from vqa_state.models.base import Failure
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.project import Project
-from vqa_state.recognizer import Recognizer, read_recognizer
+from vqa_state.recognizer import Recognizer, WeightedQuestion, read_recognizer
 from vqa_state.scores import Objective
 from vqa_state.tuning import recognizer_path
 from vqa_state.voting.kinds import VoteKind
@@ -201,6 +202,25 @@ def test_add_reports_refused_files_and_goes_on(run, tmp_path, photos):
     assert "text.jpg" in err
     assert "not a picture" in document["refused"][0]["reason"]
     assert len(json.loads(run("add", tmp_path / "p", photos, "--json")[1])["already_there"]) == 16
+
+
+@pytest.mark.parametrize(
+    ("text", "counts", "sentence"),
+    [
+        ("no", "0 for open, 2 for closed", "closed (100% of the valid votes speak for closed;"),
+        ("yes", "2 for open, 0 for closed", "open (100% of the valid votes speak for open;"),
+        ("door", "0 for open, 0 for closed", "unknown (no answer was a clear yes or no;"),
+    ],
+)
+def test_a_verdict_is_told_by_the_share_of_its_state(
+    run, tmp_path, photos, registry, text, counts, sentence
+):
+    models.register("scripted", lambda: ScriptedModel(lambda *_: Answer(text)))
+    question = WeightedQuestion(text="Is this door open?", yes_means=1)
+    recognizer(questions=(question,), calls_per_image=2).save(tmp_path / "r.json")
+    out = run("recognize", tmp_path / "r.json", photos / "open" / "1.png")[1]
+    assert sentence in out
+    assert counts in out
 
 
 def test_labels_and_sides_by_hand(run, folder):

@@ -22,6 +22,7 @@ ORDER = [
     "voting",
     "out_of_bag",
     "rival",
+    "judgement",
     "abstaining",
     "early_stop",
     "frontier",

@@ -111,6 +111,22 @@ def test_early_stop_says_the_same_with_fewer_calls():
     assert (verdict.state, verdict.n_calls, verdict.n_skipped) == (State.UNKNOWN, 15, 0)
 
 
+def test_a_closed_door_is_told_by_the_votes_for_closed():
+    one = recognizer()
+    shut = saying(a="no", b="yes", c="no")
+    verdict = one.recognize(draw(1), shut)
+    assert (verdict.state_name, verdict.confidence) == ("closed", 1.0)
+    assert verdict.reason == "100% of the valid votes speak for closed"
+    copied = {"kind": AugmentationKind.RGB_SHIFT, "amount": 0.1, "n_copies": 5, "seed": 0}
+    many = recognizer(copies=Copies(**copied), calls_per_image=15)
+    verdict = many.recognize(draw(1), shut, stop_early=True)
+    assert (verdict.n_skipped, verdict.confidence) == (6, 0.6)
+    assert verdict.reason == (
+        "at least 60% of the valid votes speak for closed: the 6 answers that were not asked for "
+        "cannot change it"
+    )
+
+
 def test_a_vote_by_probabilities_needs_them():
     one = recognizer(vote=VoteKind.WEIGHTED_P_YES)
     with pytest.raises(RecognizerError, match="the model gave none"):

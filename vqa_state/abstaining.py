@@ -29,90 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.answers import MISSING
+from vqa_state.judgement import Judgement
 from vqa_state.verdict import State
 from vqa_state.voting.kinds import MILLION, FittedVote, VoteKind
 
-__all__ = ["AbstainRule", "Judgement"]
-
-_MOST_DIGITS = 4  # of a percentage: a threshold has six
-_EQUAL = 1e-12
-
-
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """What a vote says about one image, and why.
-
-    Attributes:
-        state: positive, negative or unknown.
-        leaning: what the vote says before the sureness is looked at; unknown only for a tie or
-            without an answer that counts.
-        share: of the weight that counts, for the positive state, in [0, 1]; NaN if nothing counts.
-        invalid: share of the weight whose answers are invalid, in [0, 1].
-        n_copies: copies of the image.
-        n_agreeing: copies whose own vote says what `leaning` says.
-        sureness: in [0, 1].
-        min_sureness: what a verdict needs.
-        threshold: share above which the positive state wins.
-        by_majority: whether the most of the valid answers win, each counting one, as in the paper.
-    """
-
-    state: State
-    leaning: State
-    share: float
-    invalid: float
-    n_copies: int
-    n_agreeing: int
-    sureness: float
-    min_sureness: float
-    threshold: float = 0.5
-    by_majority: bool = True
-
-    @property
-    def confidence(self) -> float:
-        """The share of the state that wins, or leads unsurely; of a tie, the larger one.
-
-        In [0, 1], below one half where a low threshold lets few answers win; NaN if nothing counts.
-        """
-        if self.leaning is State.UNKNOWN:
-            return max(self.share, 1 - self.share)
-        return self.share if self.leaning is State.POSITIVE else 1 - self.share
-
-    def reason(self, positive: str) -> str:
-        """Why, in one sentence; `positive` is the user's word for the positive state."""
-        if math.isnan(self.share):
-            return "no answer was a clear yes or no"
-        stand = self._stand(positive)
-        if self.leaning is State.UNKNOWN:
-            return f"the vote is a tie: {stand.replace('the vote', 'it')}"
-        if self.state is not State.UNKNOWN:
-            return stand
-        return (
-            f"the vote is not sure enough ({self.sureness:.2f} of the {self.min_sureness:.2f} "
-            f"that a verdict needs): {stand}{',' if self.by_majority else ';'} "
-            f"{self.invalid:.0%} of all are invalid, "
-            f"{self.n_agreeing} of {self.n_copies} copies agree"
-        )
-
-    def _stand(self, positive: str) -> str:
-        """Where the vote stands; with weights or another threshold, that is no share of answers."""
-        if self.by_majority:
-            return f"{self.share:.0%} of the valid votes speak for {positive}"
-        digits = _digits(self.share, self.threshold)
-        return (
-            f"the vote stands at {self.share:.{digits}%}, "
-            f"{positive} wins above {self.threshold:.{digits}%}"
-        )
-
-
-def _digits(share: float, threshold: float) -> int:
-    """The fewest that part a share from the threshold, and from 0 and 100 %, if it is not that."""
-    others = [limit for limit in (threshold, 0.0, 1.0) if abs(share - limit) > _EQUAL]
-    shown = (
-        digits
-        for digits in range(_MOST_DIGITS)
-        if f"{share:.{digits}%}" not in [f"{limit:.{digits}%}" for limit in others]
-    )
-    return next(shown, _MOST_DIGITS)
+__all__ = ["AbstainRule"]
 
 
 @dataclass(frozen=True, slots=True)

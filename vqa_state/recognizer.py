@@ -17,10 +17,11 @@ from PIL import Image
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from vqa_state import models
-from vqa_state.abstaining import AbstainRule, Judgement
+from vqa_state.abstaining import AbstainRule
 from vqa_state.answers import MISSING, PARSER_VERSION, Answer
 from vqa_state.errors import RecognizerError
 from vqa_state.files import write_atomically
+from vqa_state.judgement import Judgement
 from vqa_state.models.base import VQAModel
 from vqa_state.questions import MAX_QUESTIONS
 from vqa_state.recognizer_calls import ask_all, picture_pixels, shifted
@@ -42,7 +43,7 @@ from vqa_state.recognizer_file import (
     upgraded,
 )
 from vqa_state.recognizer_votes import Said, Shares, as_arrays, as_verdict, judged_so_far
-from vqa_state.verdict import State, Verdict, Vote
+from vqa_state.verdict import Verdict, Vote
 from vqa_state.voting.kinds import FittedVote, VoteKind
 
 __all__ = [
@@ -219,7 +220,8 @@ class Recognizer(Record):
         Source: paper II-A for the paper's vote; `vqa_state.abstaining` for the rest.
         """
         judged = self.rule().judge(*self._arrays(votes))
-        return self._verdict(votes, judged, judged.reason(self.states.positive), milliseconds)
+        reason = judged.reason(self.states.positive, self.states.negative)
+        return self._verdict(votes, judged, reason, milliseconds)
 
     def verdict_so_far(self, votes: Sequence[Vote], milliseconds: float = 0.0) -> Verdict | None:
         """The verdict, if the answers that are still missing cannot change it; else None.
@@ -233,9 +235,7 @@ class Recognizer(Record):
         judged = judged_so_far(rule, said, p_positive)
         if judged is None:
             return None
-        reason = f"the {n_open} answers that were not asked for cannot change it"
-        if judged.state is State.UNKNOWN:
-            reason = f"the vote cannot become sure enough any more: {reason}"
+        reason = judged.reason_so_far(self.states.positive, self.states.negative, n_open)
         return self._verdict(votes, judged, reason, milliseconds)
 
     def _verdict(

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vqa_state.abstaining import AbstainRule, Judgement
+from vqa_state.abstaining import AbstainRule
 from vqa_state.answers import MISSING
 from vqa_state.early_stop import verdict_so_far
 from vqa_state.errors import RecognizerError
+from vqa_state.judgement import Judgement
 from vqa_state.recognizer_file import States, WeightedQuestion
 from vqa_state.verdict import State, Verdict, Vote
 from vqa_state.voting.kinds import VoteKind
@@ -64,17 +65,15 @@ def as_arrays(
 def judged_so_far(rule: AbstainRule, said: Said, p_positive: Shares | None) -> Judgement | None:
     """The judgement that the open answers cannot change, or None if they can.
 
-    Its sureness is the least that they could leave; if unknown, the most.
+    Its sureness and the winner's share are the least that they could leave; if unknown, the most.
     """
     state = verdict_so_far(rule, said, p_positive)
     if state is None:
         return None
-    # Unknown: even the surest way to go on is not sure enough. Else: even the least sure is.
-    extreme = (max if state is State.UNKNOWN else min)(
-        (_judged_with(rule, said, p_positive, rest) for rest in (1, -1)),
-        key=lambda judged: judged.sureness,
-    )
-    return replace(extreme, state=state)
+    ways = {rest: _judged_with(rule, said, p_positive, rest) for rest in (1, -1)}
+    if state is State.UNKNOWN:  # even the surest way to go on is not sure enough
+        return replace(max(ways.values(), key=lambda judged: judged.sureness), state=state)
+    return ways[-1 if state is State.POSITIVE else 1]  # even the least sure one is sure enough
 
 
 def _judged_with(rule: AbstainRule, said: Said, p_positive: Shares | None, rest: int) -> Judgement:

@@ -237,6 +237,13 @@ def test_a_picture_is_recognized(client: TestClient, desk: Desk, optimized: str)
     verdict = client.post(url, content=project.read(image)).json()
     assert verdict["state_name"] == "open"
     assert sum(verdict["votes"]) == verdict["n_calls"]
+    shut = next(image for image in project.images.values() if image.label == -1)
+    other = client.post(url, content=project.read(shut)).json()
+    for said, name, n_own in ((verdict, "open", 0), (other, "closed", 1)):
+        share = said["votes"][n_own] / sum(said["votes"][:2])
+        assert said["state_name"] == name
+        assert said["reason"] == f"{share:.0%} of the valid votes speak for {name}"
+        assert said["confidence"] == share
     assert client.post(url, content=b"text").status_code == 400
     assert client.post(url, content=b"x" * (routes.MAX_BYTES + 1)).status_code == 413
     assert client.post(url.replace("s+", "s"), content=b"").status_code == 400
