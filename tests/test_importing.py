@@ -77,7 +77,9 @@ def test_folders_give_labels_and_sides(tmp_path, empty):
     report = add_folder(empty, write(tmp_path / "pictures", TREE))
     assert outcome(empty, report) == LABELLED
     assert report.refused == report.already_there == ()
-    assert report.sentence() == "9 added"
+    assert report.sentence() == (
+        "9 added; 3 without a label, the most: folder 'pictures' is none of open, not open"
+    )
 
 
 def test_a_zip_does_what_its_folder_does(empty):
@@ -162,7 +164,9 @@ def test_bad_files_are_counted_and_named_and_end_nothing(tmp_path, empty):
 def test_the_same_bytes_are_told(empty):
     add_files(empty, [("1.png", picture(1))])
     report = add_files(empty, [("again.png", picture(1)), ("2.png", picture(2))])
-    assert report.sentence() == "1 added; 1 already there (same bytes)"
+    assert report.sentence() == (
+        "1 added; 1 already there (same bytes); 2 without a label: no folder names a state"
+    )
 
 
 def test_a_missing_folder_is_refused(tmp_path, empty):

@@ -67,7 +67,7 @@ def test_an_import_that_is_left_keeps_its_batches(empty, monkeypatch):
     batches.close()
     assert len(Project.open(empty.folder).images) == 4
     assert add_zip(Project.open(empty.folder), files).sentence() == (
-        "2 added; 4 already there (same bytes)"
+        "2 added; 4 already there (same bytes); 6 without a label: no folder names a state"
     )
 
 

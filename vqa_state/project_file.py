@@ -1,5 +1,6 @@
 """The content of project.json: what a project is made of, and the check of a file that holds it."""
 
+import re
 import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,9 +48,17 @@ class StateNames:
         return self.positive if label > 0 else self.negative
 
     def label(self, name: str) -> int | None:
-        """+1 or -1 for a state's name in any case, None for another word."""
+        """+1 or -1 for a state's name, None for another word.
+
+        Neither case nor the way that accents are written matters; nor do underscores and hyphens in
+        the place of spaces, unless only they tell the two states apart.
+        """
         known = {_folded(self.positive): 1, _folded(self.negative): -1}
-        return known.get(_folded(" ".join(name.split())))
+        found = known.get(_folded(" ".join(name.split())))
+        if found is None:
+            spaced = {_spaced(self.positive): 1, _spaced(self.negative): -1}
+            found = spaced.get(_spaced(name)) if len(spaced) == 2 else None
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,4 +136,10 @@ def parse_project(data: bytes, path: Path) -> ProjectFile:
 
 def _folded(name: str) -> str:
     """For comparing: without case, and with accents as one character (macOS writes two)."""
-    return unicodedata.normalize("NFC", name).casefold()
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def _spaced(name: str) -> str:
+    """For comparing: the same, with spaces for underscores and hyphens; the one of "-1" stays."""
+    words = " ".join(_folded(name).replace("_", " ").split())
+    return " ".join(re.sub(r"(?<=\S)[-\u2010\u2011](?=\S)", " ", words).split()) or words or name

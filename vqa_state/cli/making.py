@@ -7,12 +7,13 @@ import typer
 
 from vqa_state import models
 from vqa_state.assessing import assessment
+from vqa_state.cli.added import report_record, unlabelled_lines
 from vqa_state.cli.options import Folder, Json, app, found_results, tell
 from vqa_state.cli.picking import chosen_images, given_path
 from vqa_state.cli.terminal import interruptible, say, show_asking
 from vqa_state.cues import with_cues
 from vqa_state.errors import ImageError, ProjectError
-from vqa_state.importing import ImportReport, Refused, add_folder
+from vqa_state.importing import ImportReport, Refused, add_folder, still_unlabelled
 from vqa_state.project import LabelledImage, Project, StateNames
 from vqa_state.questions import (
     Article,
@@ -58,7 +59,8 @@ def add(
 ) -> None:
     """Add pictures. Folders named as the states label them; train/ and test/ give the side.
 
-    A file that cannot be read is named with its reason and skipped.
+    A file that cannot be read is named with its reason and skipped. What got no label is told, too:
+    how many, and which folder names no state.
     """
     project = Project.open(folder)
     label = None if state is None else _label(project, state)
@@ -67,14 +69,15 @@ def add(
         tuple(i for one in done for i in one.added),
         tuple(i for one in done for i in one.already_there),
         tuple(r for one in done for r in one.refused),
+        still_unlabelled(project, (u for one in done for u in one.unlabelled)),
     )
     project.assign_splits()
     project.save()
-    refused = [{"name": one.name, "reason": one.reason} for one in whole.refused]
-    record = {"added": whole.added, "already_there": whole.already_there, "refused": refused}
-    tell(as_json, record, f"{whole.sentence()}. {_sentence(project)}")
+    tell(as_json, report_record(whole), f"{whole.sentence()}. {_sentence(project)}")
     for one in whole.refused:
         say(f"refused: {one.name}: {one.reason}")
+    for line in unlabelled_lines(project.states, whole):
+        say(line)
     for sentence in look_alike_sentences(project):
         say(sentence)
     if not whole.added and not whole.already_there:

@@ -50,5 +50,9 @@ def _line(batch: Batch) -> str:
         "added": [views.image_row(image) for image in batch.added],
         "known": [{"name": one.name, "row": views.image_row(one.image)} for one in batch.known],
         "refused": [{"name": one.name, "reason": one.reason} for one in batch.refused],
+        "unlabelled": [
+            {"id": one.image_id, "folder": one.folder, "reason": one.reason}
+            for one in batch.unlabelled
+        ],
     }
     return json.dumps(told) + "\n"

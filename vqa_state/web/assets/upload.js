@@ -1,10 +1,11 @@
 // Adding pictures to the labelling grid: drop or browse, one file after the other so that they
 // keep their order. The server tells after every few pictures what became of them; a stop ends the
-// request, and the server stops with it. What it refuses is listed with its reason.
+// request, and the server stops with it. What it refuses is listed with its reason, and so are
+// folders that were meant for a label and name no state.
 
 const drop = $('.lg-drop'), picker = drop.querySelector('input');
 const going = $('.lg-going'), progress = $('.lg-progress'), stopper = $('.lg-stop');
-const news = $('.lg-news'), known = $('.lg-known'), refused = $('.lg-refused');
+const news = $('.lg-news'), known = $('.lg-known'), refused = $('.lg-refused'), unnamed = $('.lg-unnamed');
 const MOST_LINES = 200;
 
 let waiting = [];   // [{name, file}, ...], or a reason in place of the file
@@ -19,7 +20,7 @@ function begin() {
   return {
     stop: new AbortController(), began: performance.now(), before: new Set(items.map((item) => item.id)),
     n: 0, bytes: 0,   // files and bytes that are through
-    added: 0, known: [], refused: [], ended: '',
+    added: 0, known: [], refused: [], unlabelled: [], ended: '',
   };
 }
 
@@ -88,6 +89,7 @@ function note(file, told) {
   adding.added += told.added.length;
   adding.known.push(...told.known.map(({name, row}) => ({name, reason: row.name === name ? '' : `it is ${row.name}`})));
   adding.refused.push(...told.refused);
+  adding.unlabelled.push(...told.unlabelled);
   move(file, told.done, told.of);
 }
 
@@ -114,16 +116,35 @@ function show(over) {
   going.hidden = Boolean(over);
   stopper.disabled = false;
   progress.removeAttribute('value');
-  const {added = 0, known: old = [], refused: bad = [], ended = ''} = over || {};
+  const {added = 0, known: old = [], refused: bad = [], unlabelled = [], ended = ''} = over || {};
+  const bare = stillBare(unlabelled), folders = reasonsOf(bare);
   say(!over ? 'Reading…' : [
     (ended ? `${ended}: ` : '') + `${added} added` + (ended ? '; drop the same files again to go on' : ''),
-    old.length ? `${old.length} already there` : '', bad.length ? `${bad.length} refused:` : '',
+    old.length ? `${old.length} already there` : '',
+    bare.length ? `${bare.length} without a label yet: label ${bare.length === 1 ? 'it' : 'them'} below with keys 1 and 2` : '',
+    bad.length ? `${bad.length} refused:` : '',
   ].filter(Boolean).join(' · '));
   known.hidden = !old.length;
   known.querySelector('summary').textContent = `Which ${old.length === 1 ? 'one was' : `${old.length} were`} already there`;
   known.querySelector('ul').replaceChildren(...named(old));
   refused.hidden = !bad.length;
   refused.replaceChildren(...named(bad));
+  unnamed.hidden = !folders.length;
+  unnamed.replaceChildren(...named(folders));
+}
+
+/** Those that have no label now, each once: others got one by hand or by a later file. */
+function stillBare(unlabelled) {
+  const bare = new Set(items.filter((item) => item.label === null).map((item) => item.id));
+  return unlabelled.filter((one) => bare.delete(one.id));
+}
+
+/** Why they have none, by folder; nothing where no folder was meant to label, which is no news. */
+function reasonsOf(bare) {
+  if (!bare.some((one) => one.folder)) return [];
+  const counts = new Map();
+  for (const {reason} of bare) counts.set(reason, (counts.get(reason) || 0) + 1);
+  return [...counts].map(([reason, n]) => ({name: `${n} without a label`, reason}));
 }
 
 function named(list) {
