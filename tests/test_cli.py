@@ -204,6 +204,29 @@ def test_add_reports_refused_files_and_goes_on(run, tmp_path, photos):
     assert len(json.loads(run("add", tmp_path / "p", photos, "--json")[1])["already_there"]) == 16
 
 
+def test_add_says_what_got_no_label_and_why(run, tmp_path):
+    states = "--positive", "offen", "--negative", "geschlossen"
+    run("new", tmp_path / "p", "--name", "door", *states)
+    for number, name in enumerate(("auf/1.png", "auf/2.png", "geschlossen/3.png", "4.png")):
+        path = tmp_path / "photos" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(picture(number))
+    code, out, err = run("add", tmp_path / "p", tmp_path / "photos" / "auf")
+    assert code == 0
+    assert "2 added; 2 without a label: folder 'auf' is none of offen, geschlossen. 2 images" in out
+    assert "put them in folders named 'offen' and 'geschlossen' and add them again" in err
+    given = (tmp_path / "photos", tmp_path / "photos" / "4.png")
+    code, out, err = run("add", tmp_path / "p", *given)
+    assert "3 without a label, the most: folder 'photos/auf' is none of" in out
+    assert "without a label: folder 'photos/auf' is none of offen, geschlossen (2)" in err
+    assert "without a label: no folder names a state (1)" in err
+    document = json.loads(run("add", tmp_path / "p", *given, "--json")[1])
+    assert {"name": "4.png", "reason": "no folder names a state"} in document["unlabelled"]
+    assert len(document["unlabelled"]) == 3
+    _, out, err = run("add", tmp_path / "p", tmp_path / "photos" / "4.png", "--state", "offen")
+    assert "without" not in out + err
+
+
 @pytest.mark.parametrize(
     ("text", "counts", "sentence"),
     [

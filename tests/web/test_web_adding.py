@@ -72,6 +72,21 @@ def test_between_two_batches_others_get_the_project(desk: Desk, pid: str) -> Non
     assert labels == [-1, 1, 1, 1, 1, 1]
 
 
+def test_a_line_tells_what_got_no_label_and_why(desk: Desk, pid: str) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for number, name in enumerate(("open/0.png", "auf/1.png", "2.png")):
+            archive.writestr(name, picture(number, dark=True))
+    lines = [json.loads(line) for line in added_lines(desk, pid, "all.zip", packed.getvalue())]
+    told = [one for line in lines for one in line["unlabelled"]]
+    ids = {image.name: image.id for image in desk.snapshot(pid).images.values()}
+    reason = "folder 'auf' is none of open, closed"
+    assert told == [
+        {"id": ids["auf/1.png"], "folder": "auf", "reason": reason},
+        {"id": ids["2.png"], "folder": "", "reason": "no folder names a state"},
+    ]
+
+
 def test_a_client_that_goes_away_stops_the_adding_and_keeps_what_came(
     desk: Desk, pid: str, address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

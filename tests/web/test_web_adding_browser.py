@@ -1,6 +1,8 @@
 """Adding pictures on the page: what moves, what stops, and what a drop of folders means."""
 
+import io
 import time
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -115,6 +117,53 @@ def test_folders_label_wherever_they_fall_and_what_is_there_is_named(
     assert page.url == address
     assert watched.faults == []
     page.close()
+
+
+def test_what_got_no_label_is_told_calmly_or_with_its_folder(
+    desk: Desk, url: str, browser: Browser, tmp_path: Path
+) -> None:
+    for number in range(2):
+        (tmp_path / f"{number}.png").write_bytes(picture(number, dark=True))
+    states = "geöffnet", "geschlossen"
+    (tmp_path / "named.zip").write_bytes(old_zip(*states, first=10))
+    (tmp_path / "strange.zip").write_bytes(old_zip("auf", "zu", "zu", first=20))
+    pid = desk.create("door", *states)
+    watched = Watched(browser, url)
+    page = watched.page
+    open_tab(page, f"{url}/?p={pid}&tab=images", "#labels .lg-drop")
+    news, unnamed = page.locator(".lg-news"), page.locator(".lg-unnamed")
+    files = [tmp_path / "0.png", tmp_path / "1.png"]
+    page.locator("#labels input[type=file]").set_input_files(files)
+    expect(news).to_have_text("2 added · 2 without a label yet: label them below with keys 1 and 2")
+    expect(unnamed).to_be_hidden()
+    page.locator("#labels input[type=file]").set_input_files(tmp_path / "named.zip")
+    expect(news).to_have_text("2 added")
+    expect(unnamed).to_be_hidden()
+    assert [one.label for one in images(desk, pid)] == [None, None, 1, -1]
+    assert images(desk, pid)[2].name == "geöffnet/10.png"
+    page.locator("#labels input[type=file]").set_input_files(tmp_path / "strange.zip")
+    expect(news).to_have_text("3 added · 3 without a label yet: label them below with keys 1 and 2")
+    expect(unnamed.locator("li")).to_have_text(
+        [
+            "1 without a label – folder 'auf' is none of geöffnet, geschlossen",
+            "2 without a label – folder 'zu' is none of geöffnet, geschlossen",
+        ]
+    )
+    assert watched.faults == []
+    page.close()
+
+
+def old_zip(*folders: str, first: int) -> bytes:
+    """A ZIP of pictures in these folders, with names in the code page of DOS and no flag."""
+    packed, names = io.BytesIO(), [f"{name}/{first + n}.png" for n, name in enumerate(folders)]
+    stand_ins = [name.encode("ascii", "replace").decode() for name in names]
+    with zipfile.ZipFile(packed, "w") as archive:
+        for n, stand_in in enumerate(stand_ins):
+            archive.writestr(stand_in, picture(first + n, dark=True))
+    data = packed.getvalue()
+    for stand_in, name in zip(stand_ins, names, strict=True):
+        data = data.replace(stand_in.encode(), name.encode("cp850"))
+    return data
 
 
 def fall(page: Page, selector: str, path: Path) -> None:
