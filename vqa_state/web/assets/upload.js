@@ -121,8 +121,8 @@ function show(over) {
   say(!over ? 'Reading…' : [
     (ended ? `${ended}: ` : '') + `${added} added` + (ended ? '; drop the same files again to go on' : ''),
     old.length ? `${old.length} already there` : '',
+    bad.length ? `${bad.length} refused${bare.length ? '' : ':'}` : '',
     bare.length ? `${bare.length} without a label yet: label ${bare.length === 1 ? 'it' : 'them'} below with keys 1 and 2` : '',
-    bad.length ? `${bad.length} refused:` : '',
   ].filter(Boolean).join(' · '));
   known.hidden = !old.length;
   known.querySelector('summary').textContent = `Which ${old.length === 1 ? 'one was' : `${old.length} were`} already there`;
