@@ -26,7 +26,8 @@ from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
 from vqa_state.standings import standings
 from vqa_state.suggesting import hints
-from vqa_state.tuning import optimize, paper_recognizer, results, unchosen_recognizer
+from vqa_state.making_recognizers import paper_recognizer, unchosen_recognizer
+from vqa_state.tuning import optimize, results
 from vqa_state.voting.kinds import VoteKind
 
 # Perceptual hashes: the one between differs from both others by 6 bits, they from each other by 12.
