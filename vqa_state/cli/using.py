@@ -131,11 +131,13 @@ def export(
     if recognizer.abstain.coverage is not None:
         words += f", unknown below a sureness of {recognizer.abstain.min_sureness:.2f}"
     words += "; no longer all questions" if had_all and not project.all_questions else ""
+    words = "\n".join([words, *found.answers.limits])
     record = {
         "path": str(out),
         "objective": None if project.all_questions else project.chosen.value,
         "vote": recognizer.vote.value,
         "min_sureness": recognizer.abstain.min_sureness,
+        "limits": found.answers.limits,
     }
     tell(as_json, record, words)
 
