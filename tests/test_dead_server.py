@@ -455,7 +455,7 @@ def tune(folder, home):
 def test_a_server_that_dies_ends_tune_and_comes_back_to_the_same_bytes(run, small, unassessed):
     port, home = free_port(), os.environ["VQA_STATE_HOME"]
     address = f"server:http://127.0.0.1:{port}/v1#m"
-    whole, project = small("whole"), small("project")
+    whole, project = (small(name, n_train=2, n_test=1) for name in ("whole", "project"))
     with dying(port, 10**9) as server:
         assert run("tune", whole.folder, "--model", address)[0] == 0
         n_calls = len(server.calls)
