@@ -1,14 +1,13 @@
 """Optimize where answers are missing: it waits for a yes to what it shows, and opens no test."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from fastapi.testclient import TestClient
 from PIL import Image
 from stand_ins import finished, says
+from starlette.testclient import TestClient
 
 from vqa_state import models
 from vqa_state.answers import Answer
@@ -23,7 +22,8 @@ from vqa_state.splits import Split
 from vqa_state.tables import read_tables
 from vqa_state.tuning import recognizer_path
 from vqa_state.web.desk import Desk
-from vqa_state.web.server import build_app
+from vqa_state.web.guard import LocalGuard
+from vqa_state.web.server import build_api
 from vqa_state.web.tabs import ask, assess, optimize, partly, recheck, recognizer, results
 
 
@@ -105,9 +105,8 @@ def agreed(desk: Desk, part: str) -> str:
 
 
 @pytest.fixture
-def client(desk: Desk) -> Iterator[TestClient]:
-    with TestClient(build_app(desk), base_url="http://127.0.0.1") as client:
-        yield client
+def client(desk: Desk) -> TestClient:
+    return TestClient(LocalGuard(build_api(desk)), base_url="http://127.0.0.1")
 
 
 def test_a_search_on_a_part_is_told_everywhere_and_opens_no_test(
