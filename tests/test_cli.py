@@ -319,8 +319,8 @@ def test_a_stopped_search_says_so(run, folder, monkeypatch):
 def test_a_project_that_changes_meanwhile_loses_nothing(run, folder, monkeypatch):
     real = running.optimize
 
-    def meanwhile(project, stop):
-        yield from real(project, stop)
+    def meanwhile(project, stop, **named):
+        yield from real(project, stop, **named)
         other = Project.open(folder)
         other.test_looks = 7
         other.save()

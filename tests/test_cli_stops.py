@@ -38,14 +38,14 @@ def folder(make_project, registry):
 def interrupted_after(work):
     """The same work, and Ctrl-C when it has come to its end."""
 
-    def whole(*arguments):
-        yield from work(*arguments)
+    def whole(*arguments, **named):
+        yield from work(*arguments, **named)
         signal.raise_signal(signal.SIGINT)
 
     return whole
 
 
-def forbidden(*_):
+def forbidden(*_, **__):
     raise AssertionError("a stop was acknowledged, then ignored")
 
 

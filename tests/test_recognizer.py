@@ -173,7 +173,7 @@ def with_score(**fields) -> bytes:
         (b"[]", "is no recognizer file"),
         (b'{"schema_version": "1"}', "is no recognizer file"),
         (changed(schema_version=0), "is no recognizer file"),
-        (changed(schema_version=4), "schema version 4; this program reads up to 3"),
+        (changed(schema_version=5), "schema version 5; this program reads up to 4"),
         (changed(calls_per_image=6, vote="threshold"), "digest does not fit"),
         (changed(name="other"), "digest does not fit"),
         (changed(surprise=1), "cannot be used at surprise"),

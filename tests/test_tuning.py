@@ -10,6 +10,7 @@ from vqa_state.answers import Answer
 from vqa_state.asking import ask
 from vqa_state.errors import NothingToSearchError
 from vqa_state.evaluation import Candidate
+from vqa_state.making_recognizers import unchosen_recognizer
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.recognizer import Recognizer
 from vqa_state.report import (
@@ -33,7 +34,6 @@ from vqa_state.tuning import (
     recognizer_path,
     refresh,
     results,
-    unchosen_recognizer,
 )
 from vqa_state.verdict import State
 

@@ -8,7 +8,7 @@ labels, look-alikes or the subset change. Only the rival also looks at the test 
 import hashlib
 import json
 from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Literal
@@ -19,7 +19,6 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from vqa_state.answers import AnswerTable
 from vqa_state.coverage import CoveragePoint, coverage_curve, single_votes
-from vqa_state.errors import NothingToSearchError
 from vqa_state.features import Featurizer, embedded_features
 from vqa_state.files import write_atomically
 from vqa_state.frontier import FrontierPoint, search_frontier
@@ -29,8 +28,8 @@ from vqa_state.rival_trial import RivalRecord, RivalStage, RivalStep, try_rival
 from vqa_state.scores import Counts, Objective, count
 from vqa_state.search.genetic import SearchSettings, search
 from vqa_state.searches import Results, table_digest
-from vqa_state.splits import look_alikes
-from vqa_state.tuning import results
+from vqa_state.splits import Split, look_alikes
+from vqa_state.tuning import nothing_found, results
 from vqa_state.voting.choosing import Recommendation
 from vqa_state.voting.estimates import Estimate
 from vqa_state.voting.fitting import fit_votes
@@ -144,10 +143,7 @@ def assess(
     """
     found = results(project)
     if found is None:
-        raise NothingToSearchError(
-            f"{project.folder} has no search for its present answers and labels; run "
-            "`python -m vqa_state optimize` on it"
-        )
+        raise nothing_found(project)
     making = _Making(project, found)
     bags: OutOfBagProgress | None = None
     for bags in making.bags(n_resamples):
@@ -252,7 +248,15 @@ class _Making:
         self, out: OutOfBag, features: Callable[[], Featurizer], stop: Callable[[], bool]
     ) -> Iterator[RivalStep]:
         bags = [resample.bag for resample in out.resamples]
-        return try_rival(self.project, self._train, self._groups, bags, features, stop)
+        return try_rival(self._shown_to_rival(), self._train, self._groups, bags, features, stop)
+
+    def _shown_to_rival(self) -> Project:
+        """Without its test images, if the search saw only part of the training images."""
+        if self._saved.incomplete is None:
+            return self.project
+        images = self.project.images.values()
+        trained = {one.id: one for one in images if one.split is not Split.TEST}
+        return replace(self.project, images=trained)
 
     def assessment(
         self,

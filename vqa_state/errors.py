@@ -10,6 +10,7 @@ VQAStateError
 │   ├── NotApprovedError   the user has not yet said yes to this model on this machine
 │   └── MissingPackageError  the model needs a package that is not installed
 ├── NothingToSearchError   the project has too little to choose questions from
+│   └── MissingAnswersError  images lack answers, and nobody said that the others are enough
 └── RecognizerError        a recognizer file is damaged, newer than this program, for another model
 
 A message names what was given, what is allowed and what to do next; the app and the command
@@ -74,6 +75,10 @@ class MissingPackageError(ModelError):
 
 class NothingToSearchError(VQAStateError):
     """The project has too little to choose questions from."""
+
+
+class MissingAnswersError(NothingToSearchError):
+    """Images lack answers, and nobody said that the others are enough."""
 
 
 class RecognizerError(VQAStateError):

@@ -9,6 +9,7 @@ from vqa_state.assessing import Assessment
 from vqa_state.coverage import CoveragePoint, choose_point
 from vqa_state.errors import NothingToSearchError
 from vqa_state.evaluation import exact_interval
+from vqa_state.making_recognizers import paper_recognizer
 from vqa_state.project import Project
 from vqa_state.recognizer import (
     Abstain,
@@ -20,7 +21,6 @@ from vqa_state.recognizer import (
 )
 from vqa_state.recognizer_file import CarefulRecord
 from vqa_state.searches import Results
-from vqa_state.tuning import paper_recognizer
 from vqa_state.voting.kinds import Ballots, FittedVote, VoteKind
 
 __all__ = ["recognizer_with"]

@@ -36,7 +36,7 @@ class SideCheck:
     Attributes:
         split: train or test.
         n_images: labelled images with all their answers.
-        n_left_out: labelled images that lack an answer.
+        n_left_out: labelled images that lack an answer; a test side that has one stays closed.
         n_recognized: of `n_images`.
         interval: exact 95 % interval of the recognized share.
         before: images recognized on the recognizer's own model, of the same images; None where
@@ -58,6 +58,8 @@ class SideCheck:
     def sentence(self) -> str:
         """The comparison in plain words."""
         what = f"{self.split.value} images"
+        if not self.n_images:
+            return f"Answers about {self.n_left_out} {what} are missing, so none of them is judged."
         words = f"It recognizes {self.n_recognized} of {self.n_images} {what} on the other model"
         if self.before is None:
             return f"{words}; what it recognizes on its own model is not known here."
@@ -134,12 +136,16 @@ class _Side:
 
 
 def _asked(recognizer: Recognizer, project: Project) -> Project:
-    """The project with the recognizer's questions and copies; it is never saved."""
+    """The project with the recognizer's questions and copies; it is never saved.
+
+    Without its test images, if the search for the recognizer saw only part of the training images.
+    """
     questions = tuple(Question(one.text, one.yes_means) for one in recognizer.questions)
-    shifts = recognizer.copies
+    shifts, closed = recognizer.copies, recognizer.incomplete is not None
+    images = project.images.items()
     return replace(
         project,
-        images=dict(project.images),
+        images={key: one for key, one in images if not (closed and one.split is Split.TEST)},
         grid=QuestionGrid(custom=questions),
         augmentation=Augmentation(shifts.kind, shifts.amount, shifts.n_copies),
         seed=shifts.seed,
@@ -172,6 +178,9 @@ def _side(
 ) -> _Side:
     images = asked.labelled(split)
     after = [_recognized(recognizer, asked, store, fingerprint, image) for image in images]
+    n_left_out = after.count(None)
+    if split is Split.TEST and n_left_out:
+        images, after = (), []  # the test is opened whole or not at all
     whole = [image for image, one in zip(images, after, strict=True) if one is not None]
     now = np.array([one for one in after if one is not None], bool)
     own = recognizer.model.fingerprint
@@ -180,7 +189,7 @@ def _side(
     check = SideCheck(
         split=split,
         n_images=len(whole),
-        n_left_out=len(images) - len(whole),
+        n_left_out=n_left_out,
         n_recognized=int(now.sum()),
         interval=exact_interval(int(now.sum()), len(whole)),
         before=None if before is None else int(before.sum()),

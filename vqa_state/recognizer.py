@@ -26,10 +26,10 @@ from vqa_state.models.base import VQAModel
 from vqa_state.questions import MAX_QUESTIONS
 from vqa_state.recognizer_calls import ask_all, picture_pixels, shifted
 from vqa_state.recognizer_file import (
-    SCHEMA_VERSION,
     Abstain,
     Copies,
     EstimateRecord,
+    IncompleteRecord,
     ModelReference,
     Origin,
     ProofRecord,
@@ -50,6 +50,7 @@ __all__ = [
     "Abstain",
     "Copies",
     "EstimateRecord",
+    "IncompleteRecord",
     "ModelReference",
     "Origin",
     "ProofRecord",
@@ -68,8 +69,9 @@ MAX_FILE_BYTES: Final = 5_000_000
 class Recognizer(Record):
     """Questions whose vote recognizes a state; see the module's first lines for its use."""
 
-    schema_version: Literal[3] = SCHEMA_VERSION
-    """Of this form of the file; docs/recognizer.md says how a verdict comes from it."""
+    schema_version: Literal[3, 4] = 3
+    """Of this form of the file; 4 where `incomplete` stands. docs/recognizer.md says how a verdict
+    comes from it."""
     name: Words
     """Of the project; shown, no more."""
     states: States
@@ -97,6 +99,9 @@ class Recognizer(Record):
     """How good it was on the project's images; it changes no verdict."""
     estimate: EstimateRecord | None = None
     """How good it will be on new images; it changes no verdict. Null where it is not known."""
+    incomplete: Annotated[IncompleteRecord | None, Field(exclude_if=lambda one: one is None)] = None
+    """Stands there only where training images lacked answers; it changes no verdict. `scores.test`
+    is null then."""
     calls_per_image: int
     """Copies × questions."""
     digest: Annotated[str, Field(pattern="^([0-9a-f]{64})?$")] = ""
@@ -115,6 +120,7 @@ class Recognizer(Record):
                 f"{self.copies.n_copies * len(texts)}, got {self.calls_per_image}"
             )
         self._check_vote()
+        self._check_part()
         self.rule()  # says what is wrong with weights or threshold
         return self
 
@@ -125,6 +131,19 @@ class Recognizer(Record):
             raise ValueError(f"the vote by {self.vote.value!r} gives every question the weight 1")
         if self.vote is VoteKind.PAPER and self.threshold != 0.5:
             raise ValueError(f"the paper's vote has the threshold 0.5, got {self.threshold}")
+
+    def _check_part(self) -> None:
+        """A search on part of the images says so, and opened no test."""
+        part = self.incomplete
+        if (part is None) != (self.schema_version == 3):
+            raise ValueError("schema version 4 is that of files with `incomplete`, and of no other")
+        if part is not None and self.scores.test is not None:
+            raise ValueError("a search on part of the images has no test score")
+        if part is not None and self.scores.train.n_images != part.n_images:
+            raise ValueError(
+                f"its training score is of {self.scores.train.n_images} images, its search of "
+                f"{part.n_images}"
+            )
 
     @classmethod
     def load(cls, path: str | Path) -> "Recognizer":

@@ -2,6 +2,7 @@
 
 A file of version 1 is the paper's vote: weights and threshold stood in it, but every program that
 wrote one wrote weight 1 and threshold 0.5. In a file of version 2 a search chose the questions.
+Version 4 is written only where `incomplete` stands, so all other files stay as they are.
 """
 
 import hashlib
@@ -27,6 +28,7 @@ __all__ = [
     "CarefulRecord",
     "Copies",
     "EstimateRecord",
+    "IncompleteRecord",
     "ModelReference",
     "Origin",
     "ProofRecord",
@@ -39,7 +41,7 @@ __all__ = [
     "upgraded",
 ]
 
-SCHEMA_VERSION: Final = 3
+SCHEMA_VERSION: Final = 4
 MAX_FINGERPRINT: Final = 10_000
 _LONGEST = 300  # characters of a text
 
@@ -258,7 +260,7 @@ class Scores(Record):
     train: ScoreRecord
     """On the training images."""
     test: ScoreRecord | None
-    """On held-out images; null without any."""
+    """On held-out images; null without any, and where answers are missing."""
 
 
 class EstimateRecord(Record):
@@ -287,6 +289,24 @@ class EstimateRecord(Record):
         return self
 
 
+class IncompleteRecord(Record):
+    """The search saw only part of the labelled training images; the others lacked answers.
+
+    A person said that these are enough. The test was not opened for it.
+    """
+
+    n_images: Annotated[int, Field(ge=1)]
+    """Training images that have all their answers; search and scores are of these."""
+    n_labelled: Annotated[int, Field(ge=2)]
+    """All labelled training images, more than `n_images`."""
+
+    @model_validator(mode="after")
+    def _part(self) -> "IncompleteRecord":
+        if self.n_images >= self.n_labelled:
+            raise ValueError(f"{self.n_images} of {self.n_labelled} images are not a part of them")
+        return self
+
+
 def content_digest(content: dict[str, Any]) -> str:
     """SHA-256 of all but the digest itself."""
     rest = {key: value for key, value in content.items() if key != "digest"}
@@ -308,11 +328,13 @@ def upgraded(content: dict[str, Any], shown: str) -> dict[str, Any]:
             f"{shown} has schema version {version}; this program reads up to {SCHEMA_VERSION}: "
             "update the program"
         )
-    if version != 1:
-        return content | {"schema_version": SCHEMA_VERSION}
+    if version >= 3:
+        return content
+    if version == 2:
+        return content | {"schema_version": 3}
     plain = content.get("threshold", 0.5) == 0.5
     changed = {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 3,
         "vote": VoteKind.PAPER.value if plain else VoteKind.THRESHOLD.value,
         "abstain": {} if content.get("abstain", "tie") == "tie" else content["abstain"],
     }

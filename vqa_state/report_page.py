@@ -55,7 +55,9 @@ def report_page(
         f"<h1>{escape(project.name)}: {escape(project.states.positive)} or "
         f"{escape(project.states.negative)}?</h1>",
         "<h2>What the numbers say</h2>",
-        _list([one for one in (table.recommendation, *table.warnings) if one]),
+        _list(
+            [one for one in (*found.answers.limits, table.recommendation, *table.warnings) if one]
+        ),
         _table(standings_frame(table)),
         f"<p>{escape(TABLE_NOTE)} Milliseconds (ms) were measured on the machine that asked.</p>",
         _list(table.sentences),
@@ -142,8 +144,7 @@ def _provenance(project: Project, found: Results, assessed: Assessment | None) -
     return [
         f"Program: VQA State {vqa_state.__version__}",
         f"Model: {project.model}; fingerprint: {project.fingerprint}",
-        f"{found.train.n_images} training images, "
-        f"{found.test.n_images if found.test else 0} test images, {found.train.n_questions} "
+        f"{found.train.n_images} training images, {_tested(found)}, {found.train.n_questions} "
         f"questions; {shifts.n_copies} copies of each image ({shifts.kind.value}, "
         f"{shifts.amount:g}, seed {project.seed})",
         _left_out(evaluation.n_left_out_train, evaluation.n_left_out_test),
@@ -156,6 +157,11 @@ def _provenance(project: Project, found: Results, assessed: Assessment | None) -
         *report.look_alike_sentences(project),
         "Method: K. Kawaharazuka et al., ICRA 2023, arXiv 2303.05052",
     ]
+
+
+def _tested(found: Results) -> str:
+    n = found.answers.test.n_images
+    return f"{n} test images{'' if found.test or not n else ' (closed)'}"
 
 
 def _looked(project: Project, found: Results) -> list[str]:

@@ -30,7 +30,9 @@ def missed(project: Project, found: Results) -> str:
     return _pictures(
         project,
         [(one.image_id, _votes(project, side, one)) for side, one in worst],
-        empty="It recognizes every image.",
+        empty="It recognizes every image that it was judged on."
+        if found.answers.limits
+        else "It recognizes every image.",
     )
 
 

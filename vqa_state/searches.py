@@ -9,9 +9,10 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from vqa_state.answers import AnswerTable
+from vqa_state.completeness import Completeness
 from vqa_state.evaluation import Evaluation
 from vqa_state.project import Project
-from vqa_state.recognizer import ProofRecord
+from vqa_state.recognizer import IncompleteRecord, ProofRecord
 from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
@@ -50,6 +51,8 @@ class SavedSearch(BaseModel):
     proof: ProofRecord | None = None
     paper: PaperRun | None = None
     """None if the engine is the paper's own, or a stop came before its last generation."""
+    incomplete: Annotated[IncompleteRecord | None, Field(exclude_if=lambda one: one is None)] = None
+    """Only where training images lacked answers, and a person said that the others are enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +63,21 @@ class Results:
         searches: the last search for each objective.
         evaluation: all candidates on train and test.
         train: answers about the complete training images.
-        test: answers about the complete test images; None if there are none.
+        test: answers about the test images; None if there are none, and while an answer on either
+            side is missing: then the test is closed.
+        answers: how far both sides are answered.
     """
 
     searches: Mapping[Objective, SavedSearch]
     evaluation: Evaluation
     train: AnswerTable
     test: AnswerTable | None
+    answers: Completeness
+
+    @property
+    def incomplete(self) -> IncompleteRecord | None:
+        """What the searches saw, if that was only part of the training images."""
+        return next(iter(self.searches.values())).incomplete
 
 
 def table_digest(table: AnswerTable) -> str:

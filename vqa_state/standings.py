@@ -75,12 +75,15 @@ def standings(
         everything_sentence(rows, assessed),
         cheaper_objective_sentence(rows, chosen, is_assessed=is_assessed),
     )
+    has_test = found.test is not None
+    closed = not has_test and found.answers.test.n_images > 0  # then its limits say why
+    said = () if closed else comparison_sentences(rows, comparisons, has_test=has_test)
     return Standings(
         rows=rows,
         comparisons=comparisons,
-        sentences=tuple(comparison_sentences(rows, comparisons, has_test=found.test is not None)),
+        sentences=tuple(said),
         recommendation="\n".join(one for one in advice if one),
-        warnings=tuple(warning_sentences(rows, assessed, has_test=found.test is not None)),
+        warnings=tuple(warning_sentences(rows, assessed, has_test=has_test)),
         badges=tuple(badge_sentences(found)),
     )
 

@@ -6,26 +6,16 @@ recognizer in both, byte for byte.
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from vqa_state.answers import AnswerTable
-from vqa_state.asking import answer_table
 from vqa_state.errors import NothingToSearchError, ProjectError
-from vqa_state.evaluation import Candidate, Interval, Row, evaluate
+from vqa_state.evaluation import evaluate
 from vqa_state.files import write_atomically
+from vqa_state.making_recognizers import paper_recognizer
 from vqa_state.project import Project
-from vqa_state.recognizer import (
-    Copies,
-    ModelReference,
-    Origin,
-    ProofRecord,
-    Recognizer,
-    ScoreRecord,
-    Scores,
-    States,
-    WeightedQuestion,
-)
+from vqa_state.recognizer import IncompleteRecord, ProofRecord
 from vqa_state.scores import Counts, Objective, count
 from vqa_state.search.default import Engine, search_with
 from vqa_state.search.genetic import SearchReport
@@ -38,17 +28,16 @@ from vqa_state.searches import (
     search_path,
     table_digest,
 )
-from vqa_state.splits import Split
+from vqa_state.tables import SideTables, read_tables
 
 __all__ = [
     "OptimizeProgress",
     "is_optimized",
+    "nothing_found",
     "optimize",
-    "paper_recognizer",
     "recognizer_path",
     "refresh",
     "results",
-    "unchosen_recognizer",
 ]
 
 
@@ -100,7 +89,11 @@ class OptimizeProgress:
 
 
 def optimize(
-    project: Project, stop: Callable[[], bool] = lambda: False, *, prove: bool = True
+    project: Project,
+    stop: Callable[[], bool] = lambda: False,
+    *,
+    prove: bool = True,
+    incomplete: bool = False,
 ) -> Iterator[OptimizeProgress]:
     """Search for all four objectives side by side; keep what they found and write recognizers.
 
@@ -112,17 +105,22 @@ def optimize(
         project: its engine, settings, weights and seed are used.
         stop: asked after every report, and several times a second during the proofs.
         prove: False leaves the proofs out.
+        incomplete: True searches on the complete training images where others lack answers. Search
+            and recognizers say so, and the test stays closed.
 
     Yields:
         One report a generation, then news of the proofs. The searches and recognizers are on disk
         after the last.
 
     Raises:
-        NothingToSearchError: if no training image of one of the states has all its answers.
+        MissingAnswersError: if training images lack answers and `incomplete` is False, or if the
+            complete ones do not show both states.
+        NothingToSearchError: if there is no training image of one of the states.
         ProjectError: if there is no question, or the files cannot be written.
     """
-    train, _ = _tables(project)
-    counts = count(_complete(train))
+    tables = read_tables(project)
+    tables.require_training(incomplete=incomplete)
+    counts = count(tables.seen)
     curves: dict[Objective, list[tuple[float, float]]] = {objective: [] for objective in Objective}
     papers = _searches(project, counts, Engine.PAPER) if project.engine is Engine.DEFAULT else {}
     paper_reports: dict[Objective, SearchReport] = {}
@@ -150,7 +148,7 @@ def optimize(
         for proofs in prove_all(counts, found, weights=project.weights, stop=stop):
             progress = OptimizeProgress(progress.reports, proofs)
             yield progress
-    _keep(project, train, progress, curves, paper_reports)
+    _keep(project, tables, progress, curves, paper_reports)
 
 
 def _searches(
@@ -172,6 +170,8 @@ def _searches(
 def results(project: Project) -> Results | None:
     """The last searches, evaluated; None if there are none or answers or labels changed since.
 
+    The test is opened only where every answer on both sides is there.
+
     Raises:
         NothingToSearchError: if no training image has all its answers.
         ProjectError: if there is no question.
@@ -179,12 +179,29 @@ def results(project: Project) -> Results | None:
     searches = _kept_searches(project)
     if searches is None:
         return None
-    train, test = _tables(project)
-    if not _are_of(searches, train):
+    tables = _present(project)
+    if not _are_of(searches, tables):
         return None
     chosen = {objective: one.subset for objective, one in searches.items()}
-    evaluation = evaluate(train, test, chosen, seed=project.search_seed)
-    return Results(searches, evaluation, _complete(train), test and _complete(test))
+    evaluation = evaluate(tables.train, tables.opened, chosen, seed=project.search_seed)
+    side = tables.answers.test
+    counted = replace(evaluation, n_left_out_test=side.n_images - side.n_complete)
+    return Results(searches, counted, tables.seen, tables.opened, tables.answers)
+
+
+def nothing_found(project: Project) -> NothingToSearchError:
+    """What to raise where there are no `results`: it says what to do first.
+
+    Raises:
+        NothingToSearchError: if the model was never asked.
+        ProjectError: if there is no question.
+    """
+    lacks = read_tables(project).answers.lacks
+    first = f"{lacks}: run `python -m vqa_state ask` on it, and then" if lacks else "run"
+    return NothingToSearchError(
+        f"{project.folder} has no search for its present answers and labels; {first} "
+        "`python -m vqa_state optimize` on it"
+    )
 
 
 def is_optimized(project: Project) -> bool:
@@ -193,10 +210,16 @@ def is_optimized(project: Project) -> bool:
     if searches is None:
         return False
     try:
-        train, _ = _tables(project)
+        tables = _present(project)
     except (NothingToSearchError, ProjectError):
         return False
-    return _are_of(searches, train)
+    return _are_of(searches, tables)
+
+
+def _present(project: Project) -> SideTables:
+    tables = read_tables(project)
+    tables.require_training(incomplete=True)  # what was searched on them, somebody said yes to
+    return tables
 
 
 def _kept_searches(project: Project) -> dict[Objective, SavedSearch] | None:
@@ -209,8 +232,20 @@ def _kept_searches(project: Project) -> dict[Objective, SavedSearch] | None:
     return searches if len(runs) == 1 else None
 
 
-def _are_of(searches: Mapping[Objective, SavedSearch], train: AnswerTable) -> bool:
-    return all(_fits(one, objective, train) for objective, one in searches.items())
+def _are_of(searches: Mapping[Objective, SavedSearch], tables: SideTables) -> bool:
+    part = _part(tables)
+    return all(
+        _fits(one, objective, tables.train) and one.incomplete == part
+        for objective, one in searches.items()
+    )
+
+
+def _part(tables: SideTables) -> IncompleteRecord | None:
+    """What a search sees, if that is only part of the training images."""
+    train = tables.answers.train
+    if train.whole:
+        return None
+    return IncompleteRecord(n_images=train.n_complete, n_labelled=train.n_images)
 
 
 def _fits(saved: SavedSearch, objective: Objective, train: AnswerTable) -> bool:
@@ -250,7 +285,7 @@ def recognizer_path(project: Project, objective: Objective) -> Path:
 
 def _keep(
     project: Project,
-    train: AnswerTable,
+    tables: SideTables,
     progress: OptimizeProgress,
     curves: Mapping[Objective, list[tuple[float, float]]],
     papers: Mapping[Objective, SearchReport],
@@ -259,7 +294,7 @@ def _keep(
         proof, paper = progress.proofs.get(objective), _ended(papers.get(objective))
         saved = SavedSearch(
             objective=objective,
-            table=table_digest(train),
+            table=table_digest(tables.train),
             engine=project.engine,
             weights=project.weights,
             settings=project.search,
@@ -269,6 +304,7 @@ def _keep(
             finished=progress.searched and (proof is None or not proof.stopped),
             proof=None if proof is None else _proof_record(proof),
             paper=None if paper is None else _paper_run(paper),
+            incomplete=_part(tables),
         )
         write_atomically(search_path(project, objective), saved.model_dump_json().encode())
     refresh(project)
@@ -293,89 +329,3 @@ def _paper_run(report: SearchReport) -> PaperRun:
     return PaperRun(
         subset=report.subset, value=report.best_fitness, n_recognized=report.terms.n_recognized
     )
-
-
-def paper_recognizer(project: Project, found: Results, objective: Objective) -> Recognizer:
-    """With the paper's vote, as recognizers/OBJECTIVE.json has it."""
-    saved = found.searches[objective]
-    origin = Origin(
-        engine=saved.engine,
-        objective=objective,
-        weights=saved.weights,
-        settings=saved.settings,
-        seed=saved.seed,
-        generations=len(saved.curve) - 1,
-        finished=saved.finished,
-        proof=saved.proof,
-    )
-    return _recognizer(project, found, Candidate(objective.value), origin)
-
-
-def unchosen_recognizer(project: Project, found: Results) -> Recognizer:
-    """All questions of the project, without a choice, by the paper's vote."""
-    return _recognizer(project, found, Candidate.S_ALL, None)
-
-
-def _recognizer(
-    project: Project, found: Results, name: Candidate, origin: Origin | None
-) -> Recognizer:
-    row = next(row for row in found.evaluation.rows if row.name is name)
-    questions = [found.train.questions[position] for position in row.subset]
-    augmentation = project.augmentation
-    return Recognizer(
-        name=project.name,
-        states=States(positive=project.states.positive, negative=project.states.negative),
-        model=ModelReference(name=project.model, fingerprint=project.fingerprint or ""),
-        copies=Copies(
-            kind=augmentation.kind,
-            amount=augmentation.amount,
-            n_copies=augmentation.n_copies,
-            seed=project.seed,
-        ),
-        questions=tuple(
-            WeightedQuestion(text=q.text, yes_means=1 if q.yes_means > 0 else -1) for q in questions
-        ),
-        origin=origin,
-        scores=_scores(row),
-        calls_per_image=augmentation.n_copies * len(questions),
-    )
-
-
-def _scores(row: Row) -> Scores:
-    train = ScoreRecord(
-        n_recognized=row.train.n_recognized,
-        n_images=row.train.n_images,
-        R_ave=round(row.train.R_ave, 6),
-        R_invalid=round(row.train.R_invalid, 6),
-    )
-    if row.test is None or row.intervals is None:
-        return Scores(train=train, test=None)
-    test = ScoreRecord(
-        n_recognized=row.test.n_recognized,
-        n_images=row.test.n_images,
-        R_ave=round(row.test.R_ave, 6),
-        R_invalid=round(row.test.R_invalid, 6),
-        R_img_interval=_rounded(row.intervals.R_img),
-        R_ave_interval=_rounded(row.intervals.R_ave),
-        R_invalid_interval=_rounded(row.intervals.R_invalid),
-    )
-    return Scores(train=train, test=test)
-
-
-def _rounded(interval: Interval) -> tuple[float, float]:
-    """Six digits: the last bits of a float may differ between two machines' arithmetic."""
-    return round(interval.low, 6), round(interval.high, 6)
-
-
-def _tables(project: Project) -> tuple[AnswerTable, AnswerTable | None]:
-    """Stored answers about both sides; None for the test if no image of it has all its answers."""
-    train, test = (answer_table(project, split) for split in (Split.TRAIN, Split.TEST))
-    if not train.complete.any():
-        raise NothingToSearchError(
-            "no training image has all its answers yet; ask the model (again), then optimize"
-        )
-    return train, test if test.complete.any() else None
-
-
-def _complete(table: AnswerTable) -> AnswerTable:
-    return table.take(table.complete)

@@ -8,8 +8,8 @@ from starlette.testclient import TestClient
 from test_web_trust import STRANGE, assessed, client, quick
 
 from vqa_state.exporting import recognizer_with
+from vqa_state.making_recognizers import unchosen_recognizer
 from vqa_state.splits import Split
-from vqa_state.tuning import unchosen_recognizer
 from vqa_state.voting.kinds import VoteKind
 from vqa_state.web.checks import RequestError
 from vqa_state.web.desk import Desk

@@ -10,7 +10,7 @@ import sys
 from vqa_state.cli import choosing, making, reproducing, running, using
 from vqa_state.cli.options import app
 from vqa_state.cli.terminal import say
-from vqa_state.errors import VQAStateError
+from vqa_state.errors import MissingAnswersError, VQAStateError
 
 __all__ = ["app", "choosing", "main", "making", "reproducing", "running", "using"]
 
@@ -24,4 +24,4 @@ def main() -> None:
         app()
     except VQAStateError as error:
         say(f"error: {error}")
-        sys.exit(1)
+        sys.exit(3 if isinstance(error, MissingAnswersError) else 1)

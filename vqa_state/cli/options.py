@@ -10,7 +10,6 @@ from vqa_state import report
 from vqa_state.assessing import Assessment, assessment
 from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import print_json, print_table
-from vqa_state.errors import NothingToSearchError
 from vqa_state.frontier import thinned
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
@@ -18,10 +17,11 @@ from vqa_state.searches import Results
 from vqa_state.standings import standings, standings_frame
 from vqa_state.standings_words import TABLE_NOTE
 from vqa_state.suggesting import Hints, hints
-from vqa_state.tuning import recognizer_path, refresh
+from vqa_state.tuning import nothing_found, recognizer_path, refresh
 
 __all__ = [
     "Folder",
+    "Incomplete",
     "Json",
     "Seed",
     "app",
@@ -48,6 +48,14 @@ Folder = Annotated[
     Path, typer.Argument(metavar="PROJECT", parser=given_path, help="The project's folder.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of text.")]
+Incomplete = Annotated[
+    bool,
+    typer.Option(
+        "--incomplete",
+        help="Search although answers are missing, on the images that have all of theirs; the "
+        "recognizer says so, and the test stays closed.",
+    ),
+]
 Seed = Annotated[
     int | None, typer.Option(min=0, max=2**32 - 1, help="Of the search; kept in the project.")
 ]
@@ -69,10 +77,7 @@ def found_results(project: Project) -> Results:
     """
     found = refresh(project)
     if found is None:
-        raise NothingToSearchError(
-            f"{project.folder} has no search for its present answers and labels; run "
-            "`python -m vqa_state optimize` on it"
-        )
+        raise nothing_found(project)
     return found
 
 
@@ -132,6 +137,7 @@ def _record(project: Project, found: Results) -> dict[str, object]:
         "finished": all(saved.finished for saved in found.searches.values()),
         "n_left_out_train": evaluation.n_left_out_train,
         "n_left_out_test": evaluation.n_left_out_test,
+        "limits": found.answers.limits,
         "look_alikes": report.look_alike_sentences(project),
         "test_looks": project.test_looks + has_test(found),
         "recognizer": str(recognizer_path(project, project.chosen)),
@@ -190,9 +196,8 @@ def _print(project: Project, found: Results) -> None:
         print(f"  {one.sentence()}")
     for sentence in report.look_alike_sentences(project):
         print(sentence)
-    left_out = evaluation.n_left_out_train + evaluation.n_left_out_test
-    if left_out:
-        print(f"{left_out} images are left out because answers are missing; ask again for them.")
+    for sentence in found.answers.limits:
+        print(sentence)
     if has_test(found):
         looks = "once" if not project.test_looks else f"{project.test_looks + 1} times"
         print(f"The test results were looked at {looks}.")

@@ -11,7 +11,7 @@ from vqa_state.asking import AskProgress, ask, plan
 from vqa_state.assessing import assess
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
 from vqa_state.cli.looking import cost_record, cost_words, look_first
-from vqa_state.cli.options import Folder, Json, Seed, app, found_results, show, tell
+from vqa_state.cli.options import Folder, Incomplete, Json, Seed, app, found_results, show, tell
 from vqa_state.cli.terminal import (
     asked_sentence,
     interruptible,
@@ -21,11 +21,13 @@ from vqa_state.cli.terminal import (
     show_search,
 )
 from vqa_state.errors import NothingToSearchError
+from vqa_state.models.address import Source
 from vqa_state.pace import estimate, keep_pace
 from vqa_state.project import Project
 from vqa_state.scores import ObjectiveWeights
 from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
+from vqa_state.tables import read_tables, require_answers
 from vqa_state.tuning import optimize
 
 
@@ -81,9 +83,13 @@ def optimize_command(
     tournament: Annotated[int | None, typer.Option(min=1, help="Size; kept.")] = None,
     alpha: Annotated[float | None, typer.Option(min=0, help="Weight of R_img; kept.")] = None,
     beta: Annotated[float | None, typer.Option(min=0, help="Weight of R_q; kept.")] = None,
+    incomplete: Incomplete = False,
     as_json: Json = False,
 ) -> None:
-    """Choose questions for the four objectives s+, s'+, s-, s'- on the training images."""
+    """Choose questions for the four objectives s+, s'+, s-, s'- on the training images.
+
+    Where answers about one are missing, it begins only with --incomplete.
+    """
     project = Project.open(folder)
     given = {
         "population": population,
@@ -99,7 +105,7 @@ def optimize_command(
     project.search_seed = project.search_seed if seed is None else seed
     project.save()
     with interruptible() as stop:
-        finished = _optimize(project, stop)
+        finished = _optimize(project, stop, incomplete=incomplete)
     show(folder, as_json)
     _exit_unless(finished)
 
@@ -112,38 +118,67 @@ def tune(
     engine: Annotated[
         Engine | None, typer.Option(help="How to search: default or paper; kept.")
     ] = None,
+    incomplete: Incomplete = False,
     as_json: Json = False,
 ) -> None:
-    """All of it for one project: ask, optimize, assess, report, write the recognizers."""
+    """All of it for one project: ask, optimize, assess, report, write the recognizers.
+
+    Where the model did not give all answers, it ends after asking, unless --incomplete is given;
+    run it again, and only what is missing is asked.
+    """
     project = Project.open(folder)
     project.model = models.choose(model) if model else project.model
     project.search_seed = project.search_seed if seed is None else seed
     project.engine = engine or project.engine
     project.assign_splits()
     with interruptible() as stop:  # one for all stages: a stop between two of them counts
-        complete = _stages(project, stop)
+        complete = _stages(project, stop, incomplete=incomplete)
     show(folder, as_json)
     _exit_unless(complete)
 
 
-def _stages(project: Project, stop: Callable[[], bool]) -> bool:
+def _stages(project: Project, stop: Callable[[], bool], *, incomplete: bool) -> bool:
     """Ask, optimize, assess; whether all came to their end.
 
     Raises:
         Exit: if the stop came before there was a search to show.
+        MissingAnswersError: if answers are missing, and are not to be done without.
     """
     progress = _ask(project, stop)
     say(asked_sentence(progress))
     if stop():
         if not progress.stopped:
             say("stopped by you before the search; the answers are kept")
+        _say_what_is_missing(project)
         raise typer.Exit(3)
-    finished = _optimize(Project.open(project.folder), stop)
+    project = Project.open(project.folder)
+    if not incomplete:
+        require_answers(project, progress.last_failure, _to_go_on(project))
+    finished = _optimize(project, stop, incomplete=incomplete)
     if stop():
         if finished:
             say("stopped by you before assessing; the recognizers are kept")
         return False
     return _assess(Project.open(project.folder), stop) and finished and not progress.n_failed
+
+
+def _say_what_is_missing(project: Project) -> None:
+    lacks = read_tables(project).answers.lacks
+    if lacks:
+        say(f"{lacks}. {_to_go_on(project)}")
+
+
+def _to_go_on(project: Project) -> str:
+    """What to do after asking ended too early."""
+    server = project.model.startswith(f"{Source.SERVER.value}:")
+    again = f"To go on, {'start the server and ' if server else ''}run the same command again"
+    answers = read_tables(project).answers
+    if not answers.part_is_searchable and not answers.train.whole:
+        return again
+    return (
+        f"{again}; or search on the {answers.train.n_complete} complete training images with "
+        "--incomplete, which never opens the test"
+    )
 
 
 @app.command("assess")
@@ -186,9 +221,9 @@ def _ask(project: Project, stop: Callable[[], bool]) -> AskProgress:
     return last
 
 
-def _optimize(project: Project, stop: Callable[[], bool]) -> bool:
+def _optimize(project: Project, stop: Callable[[], bool], *, incomplete: bool) -> bool:
     """Whether every search came to its end."""
-    last = show_search(optimize(project, stop))
+    last = show_search(optimize(project, stop, incomplete=incomplete))
     if not last.searched:
         say(f"stopped by you at generation {last.generation} of {last.total}; the best is kept")
     elif last.stopped:

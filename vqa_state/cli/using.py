@@ -24,6 +24,7 @@ from vqa_state.cli.terminal import (
 from vqa_state.errors import ImageError, ModelError
 from vqa_state.exporting import recognizer_with
 from vqa_state.files import write_atomically
+from vqa_state.making_recognizers import unchosen_recognizer
 from vqa_state.models.base import VQAModel
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
@@ -34,7 +35,6 @@ from vqa_state.scores import Objective
 from vqa_state.searches import Results
 from vqa_state.splits import Split
 from vqa_state.standings import standings
-from vqa_state.tuning import unchosen_recognizer
 from vqa_state.verdict import State, Verdict
 from vqa_state.voting.kinds import VoteKind
 
@@ -131,11 +131,13 @@ def export(
     if recognizer.abstain.coverage is not None:
         words += f", unknown below a sureness of {recognizer.abstain.min_sureness:.2f}"
     words += "; no longer all questions" if had_all and not project.all_questions else ""
+    words = "\n".join([words, *found.answers.limits])
     record = {
         "path": str(out),
         "objective": None if project.all_questions else project.chosen.value,
         "vote": recognizer.vote.value,
         "min_sureness": recognizer.abstain.min_sureness,
+        "limits": found.answers.limits,
     }
     tell(as_json, record, words)
 

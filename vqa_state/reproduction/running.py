@@ -11,6 +11,7 @@ from vqa_state.models.base import VQAModel
 from vqa_state.project import Project
 from vqa_state.search.default import Engine
 from vqa_state.searches import Results
+from vqa_state.tables import require_answers
 from vqa_state.tuning import OptimizeProgress, optimize, results
 
 __all__ = ["Finished", "Step", "copy_projects", "run"]
@@ -38,6 +39,8 @@ class Step:
     total: int
     progress: AskProgress | OptimizeProgress | Finished
 
+
+_GO_ON = "when the model can answer, run the same command again, and it goes on"
 
 #: What makes an experiment; the rest a run sets itself, or no table shows it.
 _EXPERIMENT = ("name", "states", "images", "grid", "seed", "augmentation", "search", "weights")
@@ -113,7 +116,7 @@ def run(
     Raises:
         ModelError: if the model cannot answer.
         ProjectError: if a project is damaged, or the disk is full.
-        NothingToSearchError: if answers are missing in the end.
+        MissingAnswersError: if answers are missing once a project was asked; it is not searched.
     """
     for number, folder in enumerate(folders, 1):
         project = Project.open(folder)
@@ -133,7 +136,11 @@ def run(
 def _progress(
     project: Project, model: VQAModel, stop: Callable[[], bool]
 ) -> Iterator[AskProgress | OptimizeProgress]:
-    yield from ask(project, model, stop)
+    last: AskProgress | None = None
+    for last in ask(project, model, stop):
+        yield last
+    failure = None if last is None else last.last_failure
+    require_answers(project, failure, f"This is {project.folder.name}; {_GO_ON}")
     if not _is_searched(project):
         yield from optimize(project, stop)
 

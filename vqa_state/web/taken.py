@@ -6,11 +6,12 @@ from urllib.parse import urlencode
 from vqa_state.assessing import Assessment, assessment
 from vqa_state.errors import NothingToSearchError
 from vqa_state.exporting import recognizer_with
+from vqa_state.making_recognizers import unchosen_recognizer
 from vqa_state.project import Project
 from vqa_state.recognizer import Recognizer
 from vqa_state.scores import Objective
 from vqa_state.searches import Results
-from vqa_state.tuning import recognizer_path, results, unchosen_recognizer
+from vqa_state.tuning import recognizer_path, results
 from vqa_state.voting.kinds import VoteKind
 from vqa_state.web import checks
 

@@ -192,7 +192,8 @@ def look(desk: Desk, pid: str) -> tuple[Any, ...]:
     with desk.changing(pid) as project:
         found, assessed = found_and_assessed(project)
         if found is None or found.test is None:
-            raise NothingToSearchError("there are no test results yet; optimize first")
+            closed = "" if found is None else " ".join(found.answers.limits)
+            raise NothingToSearchError(closed or "there are no test results yet; optimize first")
         project.test_looks += 1
         table = _standings(project, found, assessed)
         return (

@@ -6,6 +6,7 @@ from typing import Any
 
 import gradio as gr
 
+from vqa_state.completeness import Completeness
 from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.recognizer_file import ProofRecord
@@ -19,6 +20,7 @@ from vqa_state.tuning import OptimizeProgress, is_optimized, optimize, results
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.page import Page
+from vqa_state.web.tabs import partly
 from vqa_state.web.views import note
 
 __all__ = ["HINTS", "Parts", "build", "wire"]
@@ -48,6 +50,7 @@ class Parts:
     engine: gr.Radio
     numbers: tuple[gr.Number, ...]
     start: gr.Button
+    part: partly.Parts
     stop: gr.Button
     note: gr.HTML
     chart: gr.HTML
@@ -79,10 +82,11 @@ def build(tab: gr.Tab) -> Parts:
         start = gr.Button(
             "Optimize", variant="primary", elem_id="optimize-start", scale=0, min_width=170
         )
+        part = partly.build()
         stop = gr.Button("Stop", interactive=False, elem_id="optimize-stop", scale=0, min_width=170)
     said = widgets.note("optimize-note")
     chart = widgets.search_chart("chart")
-    return Parts(tab, engine, numbers, start, stop, said, chart)
+    return Parts(tab, engine, numbers, start, part, stop, said, chart)
 
 
 def _numbers() -> tuple[gr.Number, ...]:
@@ -113,10 +117,16 @@ def wire(parts: Parts, page: Page) -> None:
     page.fill(show, parts.numbers)
     page.fill(show_engine, [parts.engine])
     page.on(parts.engine.input, choose_engine, [parts.engine], [])
+    offer = [parts.part.start, parts.part.offered]
+    for trigger in (page.arrived.then, parts.tab.select):
+        page.on(trigger, partly.show, (), offer, queue=False)
     follow(parts.tab.select)
     started = page.on(parts.start.click, start, parts.numbers, [])
-    for trigger in (started.success, page.arrived.then):
-        page.then_road(follow(trigger))
+    agreed = page.on(
+        parts.part.start.click, start_on_part, [parts.part.offered, *parts.numbers], []
+    )
+    for trigger in (started.success, agreed.success, page.arrived.then):
+        page.then_road(page.on(follow(trigger).then, partly.show, (), offer))
 
 
 def show(desk: Desk, pid: str) -> Any:
@@ -144,10 +154,27 @@ def choose_engine(desk: Desk, pid: str, engine: Any) -> None:
 
 
 def start(desk: Desk, pid: str, *numbers: Any) -> None:
-    """Keep the settings and begin to search, or attach to what is running."""
+    """Keep the settings and begin to search, or attach to what is running.
+
+    Raises:
+        MissingAnswersError: if training images lack answers.
+    """
     if desk.jobs.alive(pid) is None:
+        partly.require_whole(desk.snapshot(pid))
         settle(desk, pid, *numbers)
     desk.jobs.start(pid, KIND, searching(desk, pid))
+
+
+def start_on_part(desk: Desk, pid: str, offered: Any, *numbers: Any) -> None:
+    """Like `start`, on the complete training images, which the page offered as `offered`.
+
+    Raises:
+        MissingAnswersError: if they are others by now.
+    """
+    if desk.jobs.alive(pid) is None:
+        partly.require_agreed(desk.snapshot(pid), offered)
+        settle(desk, pid, *numbers)
+    desk.jobs.start(pid, KIND, searching(desk, pid, incomplete=True))
 
 
 def settle(desk: Desk, pid: str, *numbers: Any) -> None:
@@ -171,12 +198,12 @@ def settle(desk: Desk, pid: str, *numbers: Any) -> None:
         project.search_seed = checks.integer(seed, "the seed of the search")
 
 
-def searching(desk: Desk, pid: str) -> Work:
+def searching(desk: Desk, pid: str, *, incomplete: bool = False) -> Work:
     """The work: search, and keep every generation for the chart."""
 
     def work(stop: StopFlag) -> Iterator[Searching]:
         points: dict[Objective, Points] = {objective: [] for objective in Objective}
-        for progress in optimize(desk.snapshot(pid), stop):
+        for progress in optimize(desk.snapshot(pid), stop, incomplete=incomplete):
             for objective, report in progress.reports.items() if not progress.proving else ():
                 point = (report.generation, report.best_fitness, report.mean_fitness)
                 points[objective].append(point)
@@ -193,7 +220,16 @@ def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, ...]:
         if snapshot is not None and snapshot.report is None:
             said = watching.before_reports(snapshot, "Reading the answers…")
         return said, chart, *buttons
-    return _said(snapshot), _live_chart(snapshot.report), *buttons
+    said = _said(snapshot)
+    if snapshot.state in (JobState.DONE, JobState.STOPPED):
+        said = _limited(said, partly.answers_of(desk.snapshot(pid)))
+    return said, _live_chart(snapshot.report), *buttons
+
+
+def _limited(said: Any, answers: Completeness | None) -> Any:
+    """What was found, with what the search did not see."""
+    limits = () if answers is None else answers.limits
+    return said if not limits else note("\n".join([said["text"], *limits]), "warn")
 
 
 def _is_outdated(desk: Desk, pid: str, snapshot: Snapshot) -> bool:
@@ -251,15 +287,18 @@ def _proved(sentence: str, bound: float) -> list[list[str]]:
 
 def _saved(desk: Desk, pid: str) -> tuple[Any, Any]:
     """What an earlier run found, if answers and labels are still the same."""
+    project = desk.snapshot(pid)
     try:
-        found = results(desk.snapshot(pid))
+        found = results(project)
     except (NothingToSearchError, ProjectError) as error:
         return note(f"Nothing to search yet: {error}."), {"searches": _empty()}
     if found is None:
-        return note("Not optimized yet, or images, labels or questions changed since."), {
-            "searches": _empty()
-        }
-    return note("Optimized. See Results.", "good"), {"searches": _kept(found)}
+        said = "Not optimized yet, or images, labels or questions changed since."
+        todo = partly.advice(partly.answers_of(project))
+        tone = "warn" if todo else "plain"
+        return note("\n".join(filter(None, (said, todo))), tone), {"searches": _empty()}
+    shown = note("Optimized. See Results.", "good")
+    return _limited(shown, found.answers), {"searches": _kept(found)}
 
 
 def proved(proof: ProofRecord) -> list[list[str]]:

@@ -11,6 +11,8 @@ from vqa_state.checking import CheckProgress
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.rechecking import Rechecked, recheck
 from vqa_state.recognizer import Recognizer
+from vqa_state.splits import Split
+from vqa_state.tables import require_answers
 from vqa_state.tuning import OptimizeProgress, optimize
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
@@ -25,6 +27,7 @@ __all__ = ["Parts", "build", "wire"]
 
 #: Re-checking and tuning again are one stretch of work after the other, watched by one line.
 KIND = "trying another model"
+GO_ON = "Press it again when the model can answer; what is there is not asked anew"
 
 
 @dataclass(frozen=True)
@@ -96,11 +99,16 @@ def rechecking(desk: Desk, pid: str, recognizer: Recognizer, name: str) -> Work:
         yield from look_first(desk.telling, pid, KIND, loaded, flag)
         for step in recheck(recognizer, desk.snapshot(pid), loaded, flag):
             if isinstance(step, Rechecked):
-                with desk.changing(pid) as project:
-                    project.test_looks += 1
+                _count_look(desk, pid, step)
             yield step
 
     return work
+
+
+def _count_look(desk: Desk, pid: str, found: Rechecked) -> None:
+    if any(side.split is Split.TEST and side.n_images for side in found.sides):
+        with desk.changing(pid) as project:
+            project.test_looks += 1
 
 
 def tuning(desk: Desk, pid: str, name: str) -> Work:
@@ -112,8 +120,12 @@ def tuning(desk: Desk, pid: str, name: str) -> Work:
         with desk.changing(pid) as project:
             project.model, project.fingerprint = loaded.name, loaded.fingerprint
         yield from look_first(desk.telling, pid, KIND, loaded, flag)
-        yield from ask(desk.snapshot(pid), loaded, flag)
+        last: AskProgress | None = None
+        for last in ask(desk.snapshot(pid), loaded, flag):
+            yield last
         if not flag():
+            failure = None if last is None else last.last_failure
+            require_answers(desk.snapshot(pid), failure, GO_ON)
             yield from optimize(desk.snapshot(pid), flag)
 
     return work

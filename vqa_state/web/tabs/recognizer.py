@@ -214,6 +214,16 @@ def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
     return _about(recognizer), download(href, "Download the recognizer (JSON)"), place
 
 
+def _of_new_images(recognizer: Recognizer) -> str:
+    part = recognizer.incomplete
+    if part is None:
+        return "for new images, see the test images on Results."
+    return (
+        f"these {part.n_images} of {part.n_labelled} have all their answers. Until the others have "
+        "theirs, the test stays closed."
+    )
+
+
 def _about(recognizer: Recognizer) -> Any:
     train, n_copies = recognizer.scores.train, recognizer.copies.n_copies
     n_questions = len(recognizer.questions)
@@ -223,7 +233,7 @@ def _about(recognizer: Recognizer) -> Any:
         f"the model “{recognizer.model.name}”.",
         f"It recognizes {train.n_recognized} of the {train.n_images} training images"
         f"{', none of which chose' if recognizer.origin is None else ' that chose'} its questions; "
-        "for new images, see the test images on Results.",
+        f"{_of_new_images(recognizer)}",
     ]
     if recognizer.origin is None:
         lines.append(

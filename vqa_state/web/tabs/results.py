@@ -13,7 +13,7 @@ from vqa_state.web import widgets
 from vqa_state.web.desk import Desk
 from vqa_state.web.heat import heat_value, questions_digest
 from vqa_state.web.page import Page
-from vqa_state.web.tabs import assess, reasons
+from vqa_state.web.tabs import assess, partly, reasons
 from vqa_state.web.tabs.missed import choose_question, choose_row, results_digest
 from vqa_state.web.taken import found_and_assessed
 from vqa_state.web.views import note
@@ -111,12 +111,11 @@ def _kept(about: Any, now: str) -> Any:
 def _said(project: Project, found: Results | None, *, was_asked: bool) -> Any:
     """What is to be done before there are results, or what they lack."""
     if found is None:
-        return note(_missing(project, was_asked=was_asked), "warn")
-    n_left_out = found.evaluation.n_left_out_train + found.evaluation.n_left_out_test
-    if not n_left_out:
-        return note("")
-    images = "1 image is" if n_left_out == 1 else f"{n_left_out} images are"
-    return note(f"{images} left out, because answers are missing.", "warn")
+        todo = partly.advice(partly.answers_of(project))
+        said = _missing(project, was_asked=was_asked)
+        return note("\n".join(filter(None, (said, todo))), "warn")
+    limits = found.answers.limits
+    return note("\n".join(limits), "warn" if limits else "plain")
 
 
 def _missing(project: Project, *, was_asked: bool) -> str:
