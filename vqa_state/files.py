@@ -13,7 +13,7 @@ from typing import Final
 from vqa_state.errors import ProjectError
 from vqa_state.locks import locked
 
-__all__ = ["PROJECT_FILE", "is_half_written", "write_atomically"]
+__all__ = ["PROJECT_FILE", "drop_half_written", "is_half_written", "write_atomically"]
 
 PROJECT_FILE: Final = "project.json"
 """A folder that holds it is a project's."""
@@ -62,15 +62,20 @@ def _alone(folder: Path) -> Iterator[None]:
             with locked(place):
                 yield
             return
-    _drop_old(folder)
+    drop_half_written(folder, older_than=_OLD_SECONDS)  # no lock tells who lives, but an hour does
     yield
 
 
-def _drop_old(folder: Path) -> None:
-    """Elsewhere there is no lock to tell who lives, but nobody writes a file for an hour."""
+def drop_half_written(folder: Path, older_than: float = 0.0) -> None:
+    """Remove what writers that were killed left in a folder.
+
+    Args:
+        folder: in which nobody else writes now.
+        older_than: seconds; younger files stay.
+    """
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if not is_half_written(entry.name) or not entry.is_file(follow_symlinks=False):
                 continue
-            if time.time() - entry.stat(follow_symlinks=False).st_mtime > _OLD_SECONDS:
+            if time.time() - entry.stat(follow_symlinks=False).st_mtime >= older_than:
                 Path(entry.path).unlink(missing_ok=True)

@@ -12,7 +12,7 @@ import time
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path, PurePosixPath
@@ -31,6 +31,7 @@ __all__ = [
     "add_folder",
     "add_zip",
     "added_in_batches",
+    "in_turn",
 ]
 
 MAX_ENTRIES = 20_000
@@ -42,6 +43,8 @@ _DAMAGE = (
 _BATCH_FILES = 8
 _BATCH_SECONDS = 0.25
 """A batch takes no further file after this time: others wait for the project so long."""
+_BREATH_SECONDS = 0.01
+"""A lock is not fair: those that wait for it get a moment."""
 _IGNORED = {"thumbs.db", "desktop.ini", "__macosx"}
 
 
@@ -112,6 +115,14 @@ class _Incoming:
 Opened = Callable[[], AbstractContextManager[Project]]
 
 
+@contextmanager
+def in_turn(project: Project) -> Iterator[Project]:
+    """The project for one batch that is saved at its end; then others get their turn."""
+    with project.changing():
+        yield project
+    time.sleep(_BREATH_SECONDS)
+
+
 def add_files(
     project: Project, files: Iterable[tuple[str, bytes]], label: int | None = None
 ) -> ImportReport:
@@ -134,10 +145,18 @@ def added_in_batches(opened: Opened, name: str, data: bytes) -> Iterator[Batch]:
     yield from _batches(opened, _expanded(_given([(name, data)])), None)
 
 
-def add_folder(project: Project, folder: Path, label: int | None = None) -> ImportReport:
+def add_folder(
+    project: Project, folder: Path, label: int | None = None, *, opened: Opened | None = None
+) -> ImportReport:
     """Add every file below a folder, or one file; links are not followed, hidden files passed over.
 
     A folder named as a state labels its pictures; one named train, test or unused gives the side.
+
+    Args:
+        project: gets the pictures.
+        folder: or a file.
+        label: for pictures in no folder that is named as a state.
+        opened: as for `added_in_batches`; without it nothing is saved.
 
     Raises:
         ImageError: if there is no such file or folder.
@@ -148,7 +167,7 @@ def add_folder(project: Project, folder: Path, label: int | None = None) -> Impo
         raise ImageError(
             f"there is no file or folder {folder} ({error}); check the path"
         ) from error
-    return _add(project, _expanded(_files_below(folder, project.folder)), label)
+    return _add(project, _expanded(_files_below(folder, project.folder)), label, opened)
 
 
 def add_zip(project: Project, data: bytes, label: int | None = None) -> ImportReport:
@@ -156,8 +175,13 @@ def add_zip(project: Project, data: bytes, label: int | None = None) -> ImportRe
     return _add(project, _entries(_Incoming("ZIP", data)), label)
 
 
-def _add(project: Project, incoming: Iterable[_Incoming], label: int | None) -> ImportReport:
-    batches = list(_batches(lambda: nullcontext(project), incoming, label))
+def _add(
+    project: Project,
+    incoming: Iterable[_Incoming],
+    label: int | None,
+    opened: Opened | None = None,
+) -> ImportReport:
+    batches = list(_batches(opened or (lambda: nullcontext(project)), incoming, label))
     return ImportReport(
         tuple(image.id for batch in batches for image in batch.added),
         tuple(known.image.id for batch in batches for known in batch.known),

@@ -115,11 +115,13 @@ def tune(
     as_json: Json = False,
 ) -> None:
     """All of it for one project: ask, optimize, assess, report, write the recognizers."""
+    chosen = models.choose(model) if model else None
     project = Project.open(folder)
-    project.model = models.choose(model) if model else project.model
+    with project.changing():
+        project.assign_splits()
+    project.model = chosen or project.model
     project.search_seed = project.search_seed if seed is None else seed
     project.engine = engine or project.engine
-    project.assign_splits()
     with interruptible() as stop:  # one for all stages: a stop between two of them counts
         complete = _stages(project, stop)
     show(folder, as_json)
