@@ -1,7 +1,7 @@
 """Kills a process of its own with kill -9 at random moments, and looks what is left.
 
-Arguments: the project's folder, how many kills, a seed. The last line of its output is a JSON object
-with what was found; `test_kill_saving.py` runs it.
+Arguments: the project's folder, how many kills, a seed. The last line of its output is a JSON
+object with what was found; `test_kill_saving.py` runs it.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Real processes are killed while they save, ask and tune: nothing is lost, nothing is left behind."""
+"""Processes are killed while they save, ask and tune: nothing is lost, nothing is left behind."""
 
 import json
 import os
