@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from pictures import picture
 
 from vqa_state import project as project_module
-from vqa_state.augment import Augmentation
 from vqa_state.errors import ConflictError, ProjectError
 from vqa_state.merging import merge
 from vqa_state.project import Project, StateNames
@@ -173,7 +172,7 @@ def test_two_ways_for_one_image_are_refused_by_name(mine, theirs, sentence):
         ({"seed": 1}, {"seed": 2}, "the seed was set to 2 by another program and to 1 here"),
         ({"name": "a"}, {"name": "b"}, "project's name was set to 'b' .* 'a' here"),
         ({"chosen": Objective.S_MINUS}, {"chosen": Objective.S_PRIME_PLUS}, "chosen objective"),
-        ({"augmentation": Augmentation(n_copies=2)}, {"augmentation": Augmentation(n_copies=4)}, "copies"),
+        ({"search_seed": 1}, {"search_seed": 2}, "seed of the search"),
         ({"model": "a", "fingerprint": "a/1"}, {"fingerprint": "b/1"}, "the model was set"),
     ],
 )  # fmt: skip
@@ -239,7 +238,7 @@ def test_too_many_questions_together_are_refused():
         content(grid=QuestionGrid(custom=tuple(Question(f"Is {at}{n}?", 1) for n in range(600))))
         for at in "ab"
     )
-    with pytest.raises(ConflictError, match="both programs together cannot be used: .* 1,200"):
+    with pytest.raises(ConflictError, match=r"both programs together cannot be used: .* 1,200"):
         merge(base, here, there)
 
 

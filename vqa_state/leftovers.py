@@ -5,6 +5,7 @@ A journal beside it says which, so that no picture goes only because a project.j
 it: an older one may have come back from a backup.
 """
 
+import os
 import re
 import uuid
 from collections.abc import Collection, Iterator
@@ -104,24 +105,28 @@ def remove_pictures(folder: Path, names: Collection[str]) -> None:
 
 
 def _leftovers(folder: Path, named: Collection[str]) -> Iterator[Path]:
-    shown = {f"{name[:64]}.webp" for name in named}
+    """Names alone are looked at, because there may be thousands, at every opening."""
     for place in _FOLDERS:
-        for path in _files(folder / place):
-            of_a_killed_one = not place and (
-                path.name == LOCK_NAME or _JOURNAL.fullmatch(path.name) is not None
-            )
-            unnamed = (
-                place == THUMBNAILS
-                and path.name not in shown
-                and _PICTURE.fullmatch(path.name) is not None
-            )
-            if is_half_written(path.name) or of_a_killed_one or unnamed:
-                yield path
+        for name in _names(folder / place):
+            hidden = name.startswith(".")
+            if hidden and (is_half_written(name) or (not place and _is_of_a_program(name))):
+                yield folder / place / name
+    shown = {f"{name[:64]}.webp" for name in named}
+    for name in _names(folder / THUMBNAILS).difference(shown):
+        if _PICTURE.fullmatch(name):
+            yield folder / THUMBNAILS / name
 
 
-def _files(folder: Path) -> Iterator[Path]:
-    with suppress(OSError):
-        yield from folder.iterdir()
+def _is_of_a_program(name: str) -> bool:
+    """Whether a program at work keeps a file of this name beside project.json."""
+    return name == LOCK_NAME or _JOURNAL.fullmatch(name) is not None
+
+
+def _names(folder: Path) -> set[str]:
+    try:
+        return set(os.listdir(folder))  # noqa: PTH208  # thousands of paths would take long
+    except OSError:
+        return set()
 
 
 def _settle(path: Path, named: Collection[str]) -> None:

@@ -90,8 +90,10 @@ def _acquire(lock: _FolderLock, wait: float) -> bool:
             "free disk space and permissions, then try again"
         ) from error
     if _is_outermost(lock):
-        with suppress(OSError), lock.path.open("wb") as file:  # a disk may be full
-            file.write(f"{os.getpid()} {socket.gethostname()}".encode())
+        with suppress(OSError), lock.path.open("r+b") as file:  # a disk may be full
+            file.write(
+                f"{os.getpid()} {socket.gethostname()}\n".encode()
+            )  # before older, longer text
     return True
 
 
@@ -121,8 +123,8 @@ def _busy(path: Path) -> ProjectError:
 
 def _holder(path: Path) -> str:
     try:
-        process, machine = path.read_text("utf-8")[:300].split(maxsplit=1)
-    except (OSError, ValueError):
+        process, machine = path.read_text("utf-8")[:300].splitlines()[0].split(maxsplit=1)
+    except (OSError, ValueError, IndexError):
         return "another program"
     if machine != socket.gethostname():
         return f"process {process} on the machine {machine}"

@@ -177,9 +177,10 @@ class Project:
                 write_atomically(path, data)
                 self._seen = _digest(data)
             self._base = content
-            gone = {_file_name(one) for one in self._removed.values()}
-            remove_pictures(self.folder, gone - self._file_names())
-            self._removed.clear()
+            if self._removed:
+                gone = {_file_name(one) for one in self._removed.values()}
+                remove_pictures(self.folder, gone - self._file_names())
+                self._removed.clear()
             self._journal.close()
 
     def catch_up(self) -> None:
