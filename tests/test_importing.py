@@ -232,6 +232,7 @@ def test_hostile_names_are_only_names(tmp_path, empty, monkeypatch):
     files = zipped(*((name, picture(number)) for number, name in enumerate(HOSTILE)))
     report = add_zip(empty, files)
     assert len(report.added) == len(HOSTILE)
+    empty.save()
     written = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert len(written) == 2 * len(HOSTILE) + 1
     for path in written:

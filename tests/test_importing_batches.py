@@ -1,13 +1,14 @@
 """A few pictures at a time: saved and set free in between, like the whole; none too small."""
 
 from contextlib import contextmanager
+from itertools import pairwise
 
 import pytest
 from pictures import draw, encode, picture
 from test_importing import HIDDEN, HOSTILE, TREE, empty, zipped
 
 from vqa_state import importing
-from vqa_state.importing import add_files, add_zip, added_in_batches
+from vqa_state.importing import add_files, add_folder, add_zip, added_in_batches, in_turn
 from vqa_state.project import Project
 
 __all__ = ["empty"]  # a fixture
@@ -99,3 +100,20 @@ def test_the_smallest_picture_is_taken_and_an_old_smaller_one_is_known(empty):
     tiny = encode(draw(2, (9, 9)))
     empty.add(tiny, "old.png")
     assert len(add_files(empty, [("old.png", tiny)]).already_there) == 1
+
+
+def test_a_killed_add_loses_its_last_batch_at_most(tmp_path, empty, monkeypatch):
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for number in range(20):
+        (folder / f"{number:02}.png").write_bytes(picture(number))
+    n_saved = []
+
+    def seen(project):
+        n_saved.append(len(Project.open(empty.folder).images))
+        return in_turn(project)
+
+    add_folder(empty, folder, opened=lambda: seen(empty))
+    assert n_saved[0] == 0
+    assert all(1 <= now - before <= 8 for before, now in pairwise(n_saved))
+    assert len(Project.open(empty.folder).images) == 20

@@ -9,7 +9,9 @@ PACKAGE = Path(__file__).parent.parent / "vqa_state"
 
 ORDER = [
     "errors",
+    "locks",
     "files",
+    "leftovers",
     "images",
     "augment",
     "questions",
@@ -30,6 +32,7 @@ ORDER = [
     "labelling",
     "splits",
     "project_file",
+    "merging",
     "project",
     "folder_names",
     "zip_names",

@@ -183,7 +183,11 @@ def test_a_change_by_another_program_is_not_overwritten(project):
     other.save()
     assert project.changed_elsewhere()
     project.name = "mine"
-    with pytest.raises(ProjectError, match="changed by another program since it was opened; open"):
+    with pytest.raises(
+        ProjectError,
+        match=r"the project's name was set to 'other' by another program and to 'mine' here\. .* "
+        "changed by another program since it was opened; open",
+    ):
         project.save()
     assert Project.open(project.folder).name == "other"
     other.save()

@@ -70,6 +70,7 @@ def test_a_name_is_shown_and_never_a_path(tmp_path, empty, name):
     image = empty.add(picture(1), name, 1).image
     assert 0 < len(image.name) <= 200
     assert image.name.isprintable()
+    empty.save()
     new = {path.relative_to(empty.folder) for path in empty.folder.rglob("*") if path.is_file()}
     assert new == {
         Path("project.json"),
@@ -78,7 +79,6 @@ def test_a_name_is_shown_and_never_a_path(tmp_path, empty, name):
     }
     added = {path for path in tmp_path.rglob("*") if path.is_dir()} - before
     assert added == {empty.folder / "images", empty.folder / "thumbnails"}
-    empty.save()
     assert Project.open(empty.folder) == empty
 
 
@@ -159,9 +159,10 @@ def test_removing_takes_the_files_along(project):
     first, second, *_ = project.images.values()
     project.remove([first.id, second.id, first.id])
     assert first.id not in project.images
+    assert project.image_path(first).exists()  # until project.json names it no more
+    project.save()
     assert not project.image_path(first).exists()
     assert len(list((project.folder / "thumbnails").iterdir())) == 4
-    project.save()
     assert Project.open(project.folder) == project
     project.add(picture(0), "back.png", 1)
     assert project.read(project.images[first.id]) == picture(0)

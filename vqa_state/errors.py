@@ -4,6 +4,7 @@ VQAStateError
 ├── ImageError             a picture is damaged, too large or of a kind that we do not read
 ├── QuestionError          a wording, a state phrase or a question cannot be used
 ├── ProjectError           a project folder is missing, damaged, newer than this program or busy
+│   └── ConflictError      two programs changed the same thing of a project in two ways
 ├── StoreError             the answer store cannot be read or written
 ├── ModelError             a model cannot be loaded, or gave no usable reply
 │   ├── UnknownModelError  no model has that name
@@ -32,6 +33,17 @@ class QuestionError(VQAStateError):
 
 class ProjectError(VQAStateError):
     """A project folder is missing, damaged, newer than this program or busy."""
+
+
+class ConflictError(ProjectError):
+    """Two programs changed the same thing of a project in two ways."""
+
+    def __init__(self, conflicts: list[str]) -> None:
+        more = f"; and {len(conflicts) - 3} more" if len(conflicts) > 3 else ""
+        super().__init__(
+            f"not saved: {'; '.join(conflicts[:3])}{more}. The project was changed by another "
+            "program since it was opened; open it again, look, and repeat what is still right"
+        )
 
 
 class StoreError(VQAStateError):

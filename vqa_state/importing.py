@@ -6,7 +6,7 @@ What got no label by its folders is told with the reason; it waits for a person'
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import chain, islice
 from pathlib import Path
 
@@ -34,6 +34,7 @@ __all__ = [
     "add_folder",
     "add_zip",
     "added_in_batches",
+    "in_turn",
     "still_unlabelled",
 ]
 
@@ -42,9 +43,19 @@ MAX_TOTAL_BYTES = 2_000_000_000
 _BATCH_FILES = 8
 _BATCH_SECONDS = 0.25
 """A batch takes no further file after this time: others wait for the project so long."""
+_BREATH_SECONDS = 0.01
+"""A lock is not fair: those that wait for it get a moment."""
 
 
 Opened = Callable[[], AbstractContextManager[Project]]
+
+
+@contextmanager
+def in_turn(project: Project) -> Iterator[Project]:
+    """The project for one batch that is saved at its end; then others get their turn."""
+    with project.changing():
+        yield project
+    time.sleep(_BREATH_SECONDS)
 
 
 def add_files(
@@ -74,10 +85,18 @@ def added_in_batches(opened: Opened, name: str, data: bytes) -> Iterator[Batch]:
     yield from _batches(opened, _expanded(_given([(name, data)]), states), None)
 
 
-def add_folder(project: Project, folder: Path, label: int | None = None) -> ImportReport:
+def add_folder(
+    project: Project, folder: Path, label: int | None = None, *, opened: Opened | None = None
+) -> ImportReport:
     """Add every file below a folder, or one file; links are not followed, hidden files passed over.
 
     A folder named as a state labels its pictures; one named train, test or unused gives the side.
+
+    Args:
+        project: gets the pictures.
+        folder: or a file.
+        label: for pictures in no folder that is named as a state.
+        opened: as for `added_in_batches`; without it nothing is saved.
 
     Raises:
         ImageError: if there is no such file or folder.
@@ -89,7 +108,7 @@ def add_folder(project: Project, folder: Path, label: int | None = None) -> Impo
             f"there is no file or folder {folder} ({error}); check the path"
         ) from error
     files = _files_below(folder, project.folder)
-    return _add(project, _expanded(files, lambda: project.states), label)
+    return _add(project, _expanded(files, lambda: project.states), label, opened)
 
 
 def add_zip(project: Project, data: bytes, label: int | None = None) -> ImportReport:
@@ -100,11 +119,17 @@ def add_zip(project: Project, data: bytes, label: int | None = None) -> ImportRe
 def still_unlabelled(project: Project, found: Iterable[Unlabelled]) -> tuple[Unlabelled, ...]:
     """Those whose image has no label now, each image once: a later file may have labelled it."""
     by_id = {one.image_id: one for one in found}
-    return tuple(one for one in by_id.values() if project.images[one.image_id].label is None)
+    waiting = {image.id for image in project.images.values() if image.label is None}
+    return tuple(one for image_id, one in by_id.items() if image_id in waiting)
 
 
-def _add(project: Project, incoming: Iterable[Incoming], label: int | None) -> ImportReport:
-    batches = list(_batches(lambda: nullcontext(project), incoming, label))
+def _add(
+    project: Project,
+    incoming: Iterable[Incoming],
+    label: int | None,
+    opened: Opened | None = None,
+) -> ImportReport:
+    batches = list(_batches(opened or (lambda: nullcontext(project)), incoming, label))
     return ImportReport(
         tuple(image.id for batch in batches for image in batch.added),
         tuple(known.image.id for batch in batches for known in batch.known),

@@ -1,26 +1,30 @@
 """A project: one folder that a person can read.
 
 project.json, images/ (the bytes as given, named by their SHA-256), answers.sqlite, searches/,
-recognizers/ and thumbnails/. No path is made of a user's text.
+recognizers/ and thumbnails/. No path is made of a user's text. Several programs may change one
+project: see docs/decisions/0017-two-programs.md.
 """
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from pydantic import ValidationError
-
 from vqa_state.augment import Augmentation
-from vqa_state.errors import ImageError, ProjectError
-from vqa_state.files import write_atomically
+from vqa_state.errors import ConflictError, ImageError, ProjectError
+from vqa_state.files import PROJECT_FILE, write_atomically
 from vqa_state.images import content_hash, perceptual_hash, pixel_hash, read_picture, thumbnail
+from vqa_state.leftovers import Journal, has_leftovers, remove_leftovers, remove_pictures
+from vqa_state.locks import locked
+from vqa_state.merging import merge
 from vqa_state.project_file import (
-    SCHEMA_VERSION,
     LabelledImage,
     ProjectFile,
     StateNames,
+    checked_content,
+    fields_of,
     parse_project,
 )
 from vqa_state.questions import Question, QuestionGrid, clean_text
@@ -33,7 +37,6 @@ from vqa_state.voting.kinds import VoteKind
 __all__ = ["MAX_IMAGES", "Added", "LabelledImage", "Project", "StateNames"]
 
 MAX_IMAGES: Final = 5000
-_FILE = "project.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +51,8 @@ class Added:
 class Project:
     """A folder with images, labels, questions and settings. Changes last only after `save()`.
 
-    Everything but the fields themselves is frozen, so a long task can work on what it took at
-    its start.
+    Other programs may change the folder meanwhile: `save()` keeps what they saved. Everything but
+    the fields themselves is frozen, so a long task can work on what it took at its start.
     """
 
     folder: Path
@@ -79,77 +82,136 @@ class Project:
     test_looks: int = 0
     """How often the user has looked at the test results."""
     _seen: str = field(default="", repr=False)
+    _base: ProjectFile | None = field(default=None, repr=False, compare=False)
+    """What was read or written last; None before that."""
+    _removed: dict[str, LabelledImage] = field(
+        init=False, default_factory=dict, repr=False, compare=False
+    )
+    """Images whose files go with the next `save()`."""
+    _journal: Journal = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        self._journal = Journal(self.folder)
 
     @classmethod
     def create(
-        cls, folder: Path, name: str, states: StateNames, *, grid: QuestionGrid | None = None
+        cls,
+        folder: Path,
+        name: str,
+        states: StateNames,
+        *,
+        grid: QuestionGrid | None = None,
+        seed: int = 0,
     ) -> "Project":
         """Make a new project in a folder that holds none.
 
         Raises:
             ProjectError: if the folder holds a project already or cannot be written.
         """
-        if (folder / _FILE).exists():
-            raise ProjectError(f"{folder} holds a project already; open it or name another folder")
-        project = cls(folder, clean_text(name, "the project's name"), states)
+        project = cls(folder, clean_text(name, "the project's name"), states, seed=seed)
         project.grid = grid or project.grid
-        project.save()
+        with locked(folder):
+            if (folder / PROJECT_FILE).exists():
+                raise ProjectError(
+                    f"{folder} holds a project already; open it or name another folder"
+                )
+            remove_leftovers(folder, ())
+            project.save()
         return project
 
     @classmethod
     def open(cls, folder: Path) -> "Project":
-        """Read a project.
+        """Read a project, and remove what a killed program left in it.
 
         Raises:
             ProjectError: if there is none, or it is damaged or newer than this program.
         """
-        path = folder / _FILE
+        project = cls._read(folder)
+        if has_leftovers(folder, project._file_names()):
+            # A program at work looks the same; the next opening removes what is left then.
+            with suppress(ProjectError), locked(folder, wait=0):
+                project = cls._read(folder)
+                remove_leftovers(folder, project._file_names())
+        return project
+
+    @classmethod
+    def _read(cls, folder: Path) -> "Project":
+        path = folder / PROJECT_FILE
         try:
             data = path.read_bytes()
         except OSError as error:
             raise ProjectError(
-                f"{folder} holds no project ({_FILE}: {error.strerror}); make one with "
+                f"{folder} holds no project ({PROJECT_FILE}: {error.strerror}); make one with "
                 "`python -m vqa_state new` or in the app"
             ) from error
         content = parse_project(data, path)
-        images = {image.id: image for image in content.images}
-        fields = {k: getattr(content, k) for k in ProjectFile.model_fields if k != "schema_version"}
-        return cls(folder, **(fields | {"images": images}), _seen=_digest(data))
+        return cls(folder, **fields_of(content), _seen=_digest(data), _base=content)
 
-    def save(self) -> None:
-        """Write project.json, whole or not at all.
+    @contextmanager
+    def changing(self) -> Iterator["Project"]:
+        """Be alone with the folder for a short change: take in what others saved, change, save.
 
         Raises:
-            ProjectError: if the disk is full, or another program changed the file meanwhile.
+            ProjectError: if somebody else holds the folder for long, or whatever `save` raises.
         """
-        path = self.folder / _FILE
-        if self.changed_elsewhere():
-            raise ProjectError(
-                f"{path} was changed by another program since it was opened; open the project "
-                "again and repeat the last step"
-            )
-        fields = {k: getattr(self, k) for k in ProjectFile.model_fields if k != "schema_version"}
-        try:
-            content = ProjectFile(
-                **(
-                    fields
-                    | {"schema_version": SCHEMA_VERSION, "images": tuple(self.images.values())}
-                )
-            )
-        except ValidationError as error:
-            first = error.errors()[0]
-            raise ProjectError(
-                f"the project was not saved: {'.'.join(map(str, first['loc']))} cannot be "
-                f"{first['input']!r} ({first['msg']}); give another value"
-            ) from error
-        data = (content.model_dump_json(indent=1) + "\n").encode()
-        if not path.exists() or _digest(data) != self._seen:  # else it stands there already
-            write_atomically(path, data)
-            self._seen = _digest(data)
+        with locked(self.folder):
+            self.catch_up()
+            yield self
+            self.save()
+
+    def save(self) -> None:
+        """Write project.json, whole or not at all, with what other programs saved meanwhile.
+
+        Raises:
+            ConflictError: if another program changed the same thing otherwise; neither is lost:
+                this object and the file stay as they are.
+            ProjectError: if the disk is full, or somebody else holds the folder for long.
+        """
+        path = self.folder / PROJECT_FILE
+        with locked(self.folder):
+            self.catch_up()
+            content = self._content()
+            data = (content.model_dump_json(indent=1) + "\n").encode()
+            if not path.exists() or _digest(data) != self._seen:  # else it stands there already
+                self._journal.note([_file_name(one) for one in self._removed.values()])
+                write_atomically(path, data)
+                self._seen = _digest(data)
+            self._base = content
+            if self._removed:
+                gone = {_file_name(one) for one in self._removed.values()}
+                remove_pictures(self.folder, gone - self._file_names())
+                self._removed.clear()
+            self._journal.close()
+
+    def catch_up(self) -> None:
+        """Take in what other programs saved since this object read or wrote project.json.
+
+        Raises:
+            ConflictError: if one changed what was changed here, otherwise; nothing is changed.
+            ProjectError: if the file is damaged, or is of another project than this new one.
+        """
+        path = self.folder / PROJECT_FILE
+        if not path.exists() or _digest(data := path.read_bytes()) == self._seen:
+            return
+        if self._base is None:
+            raise ProjectError(f"{self.folder} holds a project already; open it first")
+        theirs = parse_project(data, path)
+        merged = merge(self._base, self._content(), theirs)
+        if len(merged.images) > max(MAX_IMAGES, len(theirs.images)):
+            raise ConflictError([f"both together have more than {MAX_IMAGES:,} images"])
+        for name, value in fields_of(merged).items():
+            setattr(self, name, value)
+        self._base, self._seen = theirs, _digest(data)
+
+    def _content(self) -> ProjectFile:
+        return checked_content(vars(self), self.images.values())
+
+    def _file_names(self) -> set[str]:
+        return {_file_name(image) for image in self.images.values()}
 
     def changed_elsewhere(self) -> bool:
         """Whether project.json is no longer what this object read or wrote last."""
-        path = self.folder / _FILE
+        path = self.folder / PROJECT_FILE
         return path.exists() and _digest(path.read_bytes()) != self._seen
 
     @property
@@ -197,9 +259,15 @@ class Project:
             suffix=picture.suffix,  # type: ignore[arg-type]  # read_picture gives these five
             name=_shown(name),
         )
-        write_atomically(self.image_path(image), data)
+        self._journal.note([_file_name(image)])
+        try:
+            write_atomically(self.image_path(image), data)
+        except ProjectError:
+            self._journal.forget(_file_name(image))
+            raise
         write_atomically(self._thumbnail_path(image), thumbnail(picture.pixels))
         self.images[image_id] = image
+        self._removed.pop(image_id, None)
         self.set_labels([image_id], label)
         return Added(self.images[image_id], is_new=True)
 
@@ -215,11 +283,9 @@ class Project:
         self.set_labels([image.id], label)
 
     def remove(self, ids: Iterable[str]) -> None:
-        """Take images out of the project, and their files; answers about them stay stored."""
+        """Take images out of the project; their files go when it is saved, stored answers stay."""
         for image in [self._image(image_id) for image_id in dict.fromkeys(ids)]:
-            del self.images[image.id]
-            self.image_path(image).unlink(missing_ok=True)
-            self._thumbnail_path(image).unlink(missing_ok=True)
+            self._removed[image.id] = self.images.pop(image.id)
 
     def set_labels(self, ids: Iterable[str], label: int | None, *, accepted: bool = False) -> None:
         """Give images the label +1 or -1, or take it away with None.
@@ -290,7 +356,7 @@ class Project:
 
     def image_path(self, image: LabelledImage) -> Path:
         """Where the image's bytes lie."""
-        return self.folder / "images" / f"{image.id}.{image.suffix}"
+        return self.folder / "images" / _file_name(image)
 
     def thumbnail(self, image_id: str) -> bytes:
         """A small WebP of an image, made again if it was deleted.
@@ -333,6 +399,10 @@ class Project:
             return self.images[image_id]
         except KeyError:
             raise ProjectError(f"the project has no image {image_id[:80]!r}") from None
+
+
+def _file_name(image: LabelledImage) -> str:
+    return f"{image.id}.{image.suffix}"
 
 
 def _digest(data: bytes) -> str:

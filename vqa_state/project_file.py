@@ -2,9 +2,10 @@
 
 import re
 import unicodedata
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -17,7 +18,15 @@ from vqa_state.search.genetic import SearchSettings
 from vqa_state.splits import Split
 from vqa_state.voting.kinds import VoteKind
 
-__all__ = ["SCHEMA_VERSION", "LabelledImage", "ProjectFile", "StateNames", "parse_project"]
+__all__ = [
+    "SCHEMA_VERSION",
+    "LabelledImage",
+    "ProjectFile",
+    "StateNames",
+    "checked_content",
+    "fields_of",
+    "parse_project",
+]
 
 SCHEMA_VERSION: Final = 1
 _Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -132,6 +141,35 @@ def parse_project(data: bytes, path: Path) -> ProjectFile:
         raise ProjectError(
             f"{path} is damaged at {where or 'its start'}: {first['msg']}; restore it from a backup"
         ) from error
+
+
+def checked_content(fields: Mapping[str, object], images: Iterable[LabelledImage]) -> ProjectFile:
+    """The content of project.json for a project's fields, by name; others are passed over.
+
+    Raises:
+        ProjectError: if a value cannot be kept.
+    """
+    own = {name: fields[name] for name in _own_fields()}
+    try:
+        return ProjectFile.model_validate(
+            own | {"schema_version": SCHEMA_VERSION, "images": tuple(images)}
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ProjectError(
+            f"the project was not saved: {'.'.join(map(str, first['loc']))} cannot be "
+            f"{first['input']!r} ({first['msg']}); give another value"
+        ) from error
+
+
+def fields_of(content: ProjectFile) -> dict[str, Any]:
+    """A project's fields, by name, as project.json has them; the images by id."""
+    own = {name: getattr(content, name) for name in _own_fields()}
+    return own | {"images": {image.id: image for image in content.images}}
+
+
+def _own_fields() -> list[str]:
+    return [name for name in ProjectFile.model_fields if name != "schema_version"]
 
 
 def _folded(name: str) -> str:

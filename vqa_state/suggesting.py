@@ -102,13 +102,22 @@ def hints(project: Project, found: Results, assessed: Assessment | None) -> Hint
     )
 
 
-def accept(project: Project, chosen: tuple[Suggestion, ...]) -> None:
+def accept(project: Project, chosen: tuple[Suggestion, ...]) -> tuple[Suggestion, ...]:
     """Give images the labels that a person accepted; they become training images.
 
     A label that a vote suggested must not judge the vote, so none of them goes to the test side.
+    Nor does it take the place of a label that somebody gave meanwhile.
+
+    Returns:
+        Those whose image still had no label.
     """
-    for one in chosen:
+    images = project.images
+    open_ones = tuple(
+        one for one in chosen if one.image_id in images and images[one.image_id].label is None
+    )
+    for one in open_ones:
         project.set_labels([one.image_id], one.label, accepted=True)
+    return open_ones
 
 
 def _like_a_test_image(project: Project) -> set[str]:

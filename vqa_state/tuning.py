@@ -13,6 +13,7 @@ from vqa_state.answers import AnswerTable
 from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.evaluation import evaluate
 from vqa_state.files import write_atomically
+from vqa_state.locks import locked
 from vqa_state.making_recognizers import paper_recognizer
 from vqa_state.project import Project
 from vqa_state.recognizer import IncompleteRecord, ProofRecord
@@ -266,16 +267,32 @@ def refresh(project: Project) -> Results | None:
         NothingToSearchError: if no training image has all its answers.
         ProjectError: if there is no question, or a file cannot be written.
     """
-    found = results(project)
-    for objective in Objective:
-        path = recognizer_path(project, objective)
-        if found is None:
-            path.unlink(missing_ok=True)
-            continue
-        recognizer = paper_recognizer(project, found, objective)
-        if not path.exists() or path.read_bytes() != recognizer.to_bytes():
-            recognizer.save(path)
+    before, found = _kept_searches(project), results(project)
+    wanted = {
+        recognizer_path(project, objective): None
+        if found is None
+        else paper_recognizer(project, found, objective).to_bytes()
+        for objective in Objective
+    }
+    differing = {path: data for path, data in wanted.items() if _content(path) != data}
+    if differing:
+        with locked(project.folder):
+            if _kept_searches(project) == before:  # else another program writes those of its own
+                _write(differing)
     return found
+
+
+def _content(path: Path) -> bytes | None:
+    return path.read_bytes() if path.exists() else None
+
+
+def _write(contents: Mapping[Path, bytes | None]) -> None:
+    """Write files, and remove those of None."""
+    for path, data in contents.items():
+        if data is None:
+            path.unlink(missing_ok=True)
+        else:
+            write_atomically(path, data)
 
 
 def recognizer_path(project: Project, objective: Objective) -> Path:
@@ -290,6 +307,7 @@ def _keep(
     curves: Mapping[Objective, list[tuple[float, float]]],
     papers: Mapping[Objective, SearchReport],
 ) -> None:
+    contents: dict[Path, bytes | None] = {}
     for objective, report in progress.reports.items():
         proof, paper = progress.proofs.get(objective), _ended(papers.get(objective))
         saved = SavedSearch(
@@ -306,7 +324,9 @@ def _keep(
             paper=None if paper is None else _paper_run(paper),
             incomplete=_part(tables),
         )
-        write_atomically(search_path(project, objective), saved.model_dump_json().encode())
+        contents[search_path(project, objective)] = saved.model_dump_json().encode()
+    with locked(project.folder):  # all four of one run, whoever else optimizes
+        _write(contents)
     refresh(project)
 
 

@@ -13,7 +13,7 @@ from vqa_state.cli.picking import chosen_images, given_path
 from vqa_state.cli.terminal import interruptible, say, show_asking
 from vqa_state.cues import with_cues
 from vqa_state.errors import ImageError, ProjectError
-from vqa_state.importing import ImportReport, Refused, add_folder, still_unlabelled
+from vqa_state.importing import ImportReport, Refused, add_folder, in_turn, still_unlabelled
 from vqa_state.project import LabelledImage, Project, StateNames
 from vqa_state.questions import (
     Article,
@@ -42,9 +42,8 @@ def new(
 ) -> None:
     """Make a project. Its questions begin with NAME as the wording and the states as phrases."""
     first_grid = QuestionGrid((Wording(name),), phrases_for(positive, negative))
-    project = Project.create(folder, name, StateNames(positive, negative), grid=first_grid)
-    project.seed = seed
-    project.save()
+    states = StateNames(positive, negative)
+    project = Project.create(folder, name, states, grid=first_grid, seed=seed)
     tell(as_json, _summary(project), f"made {folder}: {_sentence(project)}")
 
 
@@ -60,7 +59,8 @@ def add(
     """Add pictures. Folders named as the states label them; train/ and test/ give the side.
 
     A file that cannot be read is named with its reason and skipped. What got no label is told, too:
-    how many, and which folder names no state.
+    how many, and which folder names no state. Pictures are saved a few at a time, so others can
+    work on the project meanwhile, and a stop keeps what was added.
     """
     project = Project.open(folder)
     label = None if state is None else _label(project, state)
@@ -71,8 +71,8 @@ def add(
         tuple(r for one in done for r in one.refused),
         still_unlabelled(project, (u for one in done for u in one.unlabelled)),
     )
-    project.assign_splits()
-    project.save()
+    with project.changing():
+        project.assign_splits()
     tell(as_json, report_record(whole), f"{whole.sentence()}. {_sentence(project)}")
     for one in whole.refused:
         say(f"refused: {one.name}: {one.reason}")
@@ -119,15 +119,15 @@ def label(
             project, set(chosen_images(project, images or [])), as_json, accepted=accept_labels
         )
         return
-    chosen = chosen_images(project, images or [])
-    if not chosen and (state is not None or split is not None):
-        raise typer.BadParameter("--state and --split need the names or ids of images")
-    if state is not None:
-        project.set_labels(chosen, None if state == "none" else _label(project, state))
-    if split is not None:
-        project.set_splits(chosen, split)
-    project.assign_splits(train_share=divide or 0.5, afresh=divide is not None)
-    project.save()
+    with project.changing():
+        chosen = chosen_images(project, images or [])
+        if not chosen and (state is not None or split is not None):
+            raise typer.BadParameter("--state and --split need the names or ids of images")
+        if state is not None:
+            project.set_labels(chosen, None if state == "none" else _label(project, state))
+        if split is not None:
+            project.set_splits(chosen, split)
+        project.assign_splits(train_share=divide or 0.5, afresh=divide is not None)
     shown = [_record(project, image) for image in project.images.values()]
     lines = [
         f"{i['id']:.12}  {i['state'] or '–':10} {i['split'] or '–':6} {i['name']}" for i in shown
@@ -166,26 +166,25 @@ def grid(
     as_json: Json = False,
 ) -> None:
     """Show the questions, or change their axes: form × wording × phrase × article."""
-    project = Project.open(folder)
-    old = project.grid
     own = [Question(text, 1) for text in yes_positive or []]
     own += [Question(text, -1) for text in yes_negative or []]
-    project.grid = QuestionGrid(
-        wordings=tuple(map(Wording.parse, wording)) if wording else old.wordings,
-        phrases=_phrases(old, phrase, antonym),
-        forms=tuple(form) if form else old.forms,
-        articles=tuple(article) if article else old.articles,
-        custom=(*old.custom, *(one for one in own if one not in old.custom)),
-        switched_off=tuple((set(old.switched_off) | set(off or [])) - set(on or [])),
-    )
-    if cues:
-        project.grid = with_cues(project.grid, project.states.positive)
-    built = project.grid.build()
-    known = {q.text for q in (*built.questions, *built.switched_off)}
-    strange = [text for text in (*(off or []), *(on or [])) if text not in known]
-    if strange:
-        raise typer.BadParameter(f"there is no question {strange[0]!r}; copy it from the grid")
-    project.save()
+    with Project.open(folder).changing() as project:
+        old = project.grid
+        project.grid = QuestionGrid(
+            wordings=tuple(map(Wording.parse, wording)) if wording else old.wordings,
+            phrases=_phrases(old, phrase, antonym),
+            forms=tuple(form) if form else old.forms,
+            articles=tuple(article) if article else old.articles,
+            custom=(*old.custom, *(one for one in own if one not in old.custom)),
+            switched_off=tuple((set(old.switched_off) | set(off or [])) - set(on or [])),
+        )
+        if cues:
+            project.grid = with_cues(project.grid, project.states.positive)
+        built = project.grid.build()
+        known = {q.text for q in (*built.questions, *built.switched_off)}
+        strange = [text for text in (*(off or []), *(on or [])) if text not in known]
+        if strange:
+            raise typer.BadParameter(f"there is no question {strange[0]!r}; copy it from the grid")
     record = {
         "questions": [{"text": q.text, "yes_means": q.yes_means} for q in built.questions],
         "switched_off": [q.text for q in built.switched_off],
@@ -212,8 +211,8 @@ def _suggest(project: Project, only: set[str], as_json: bool, *, accepted: bool)
     suggested = hints(project, found, assessed).suggestions
     shown = tuple(one for one in suggested if not only or one.image_id in only)
     if accepted:
-        accept(project, shown)
-        project.save()
+        with project.changing():  # asking took its time: others may have labelled meanwhile
+            shown = accept(project, shown)
     rows = [
         {
             "id": one.image_id,
@@ -249,7 +248,7 @@ def _phrases(
 def _add(project: Project, path: Path, label: int | None) -> ImportReport:
     """What `add_folder` says; a path that leads nowhere is refused like a file."""
     try:
-        return add_folder(project, path, label)
+        return add_folder(project, path, label, opened=lambda: in_turn(project))
     except ImageError as error:
         return ImportReport((), (), (Refused(str(path), str(error)),))
 

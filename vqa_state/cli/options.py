@@ -103,9 +103,8 @@ def has_test(found: Results) -> bool:
 
 def count_look(folder: Path) -> None:
     """One more look at the test images; the project is read anew, as it may have changed."""
-    project = Project.open(folder)
-    project.test_looks += 1
-    project.save()
+    with Project.open(folder).changing() as project:
+        project.test_looks += 1
 
 
 def _record(project: Project, found: Results) -> dict[str, object]:

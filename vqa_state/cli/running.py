@@ -126,11 +126,13 @@ def tune(
     Where the model did not give all answers, it ends after asking, unless --incomplete is given;
     run it again, and only what is missing is asked.
     """
+    chosen = models.choose(model) if model else None
     project = Project.open(folder)
-    project.model = models.choose(model) if model else project.model
+    with project.changing():
+        project.assign_splits()
+    project.model = chosen or project.model
     project.search_seed = project.search_seed if seed is None else seed
     project.engine = engine or project.engine
-    project.assign_splits()
     with interruptible() as stop:  # one for all stages: a stop between two of them counts
         complete = _stages(project, stop, incomplete=incomplete)
     show(folder, as_json)

@@ -122,8 +122,8 @@ def export(
     if names_a_choice or all_questions is not None:
         project.all_questions = bool(all_questions)
     recognizer = _exported(project, found)
-    recognizer.save(out)
-    project.save()
+    with project.changing():  # a choice that is refused writes no file
+        recognizer.save(out)
     taken = "without a choice" if project.all_questions else project.chosen.value
     words = f"{out}: {taken}, {len(recognizer.questions)} questions"
     if recognizer.vote is not VoteKind.PAPER:

@@ -13,6 +13,7 @@ from platformdirs import user_data_path
 
 from vqa_state.errors import ModelError, NotApprovedError
 from vqa_state.files import write_atomically
+from vqa_state.locks import locked
 from vqa_state.models.address import ModelAddress, Source
 
 __all__ = [
@@ -52,7 +53,8 @@ def approve(address: ModelAddress) -> None:
     Raises:
         ProjectError: if it cannot be written.
     """
-    _write({*approved(), _plain(address)})
+    with locked(data_folder()):
+        _write({*approved(), _plain(address)})
 
 
 def withdraw(address: ModelAddress) -> None:
@@ -62,9 +64,10 @@ def withdraw(address: ModelAddress) -> None:
         ModelError: if there was none.
         ProjectError: if it cannot be written.
     """
-    if not is_approved(address):
-        raise ModelError(f"{_plain(address)} was not approved; `models list` shows what is")
-    _write({*approved()} - {_plain(address)})
+    with locked(data_folder()):
+        if not is_approved(address):
+            raise ModelError(f"{_plain(address)} was not approved; `models list` shows what is")
+        _write({*approved()} - {_plain(address)})
 
 
 def check_approved(address: ModelAddress) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from vqa_state.errors import ProjectError
 from vqa_state.files import write_atomically
+from vqa_state.locks import locked
 from vqa_state.models.approval import data_folder
 from vqa_state.models.sight import Sight
 
@@ -66,12 +67,12 @@ def known_as(name: str) -> KnownModel | None:
 
 def remember(found: KnownModel) -> None:
     """Keep it beside what was known. If that cannot be written, the next look finds it anew."""
-    models = _read()
-    old = models.pop(found.fingerprint, None)
-    models[found.fingerprint] = found if old is None else _merged(old, found)
-    kept = list(models.values())[-_MOST:]
-    content = json.dumps([asdict(one) for one in kept], indent=1) + "\n"
-    with contextlib.suppress(ProjectError):  # a run must not end because of it
+    with contextlib.suppress(ProjectError), locked(data_folder()):  # a run must not end here
+        models = _read()
+        old = models.pop(found.fingerprint, None)
+        models[found.fingerprint] = found if old is None else _merged(old, found)
+        kept = list(models.values())[-_MOST:]
+        content = json.dumps([asdict(one) for one in kept], indent=1) + "\n"
         write_atomically(_file(), content.encode())
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from vqa_state.files import write_atomically
+from vqa_state.files import drop_half_written, write_atomically
+from vqa_state.locks import locked
 from vqa_state.project import Project
 from vqa_state.reproduction.running import Finished
 from vqa_state.reproduction.tables import (
@@ -60,8 +61,10 @@ def write_report(out: Path, model: str, finished: Sequence[Finished]) -> list[Pa
         "tables.md": _markdown(facts),
         "index.html": _html(facts, finished),
     }
-    for name, text in contents.items():
-        write_atomically(out / name, text.encode())
+    with locked(out):
+        drop_half_written(out)
+        for name, text in contents.items():
+            write_atomically(out / name, text.encode())
     return [out / name for name in contents]
 
 

@@ -1,7 +1,8 @@
 """The desk: which projects there are, which are open, and what works on them.
 
-One `Project` object a folder, one lock a project: every change is made under its lock and saved
-before the lock opens again. A folder that another program changed meanwhile is read anew.
+One `Project` object a folder, one lock a project: every change is made under its lock and that of
+its folder, which other programs share, and saved before they open again. A folder that another
+program changed meanwhile is read anew.
 """
 
 import threading
@@ -61,9 +62,8 @@ class Desk:
         """Make a project whose grid asks about `name`; return its id, which no user typed."""
         states = StateNames(positive, negative)
         wording, pid = Wording(name), uuid.uuid4().hex[:12]
-        project = Project.create(self.root / pid, name, states)
-        project.grid = QuestionGrid((wording,), phrases_for(states.positive, states.negative))
-        project.save()
+        grid = QuestionGrid((wording,), phrases_for(states.positive, states.negative))
+        Project.create(self.root / pid, name, states, grid=grid)
         return pid
 
     @contextmanager
@@ -81,11 +81,14 @@ class Desk:
 
     @contextmanager
     def changing(self, pid: object) -> Iterator[Project]:
-        """Like `reading`, and saved at the end; after an error the file is read anew."""
+        """Like `reading`, and saved at the end; after an error the file is read anew.
+
+        Other programs wait meanwhile, too, so nothing here may take long.
+        """
         with self.reading(pid) as project:
             try:
-                yield project
-                project.save()
+                with project.changing():
+                    yield project
             except BaseException:
                 self._entry(pid).project = None
                 raise

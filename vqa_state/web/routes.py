@@ -18,13 +18,13 @@ from vqa_state.images import MAX_BYTES
 from vqa_state.pace import read_pace
 from vqa_state.report_page import report_page
 from vqa_state.scores import Objective
-from vqa_state.splits import Split
 from vqa_state.standings import standings
 from vqa_state.tuning import recognizer_path
 from vqa_state.voting.kinds import VoteKind
 from vqa_state.web import checks, verdicts
 from vqa_state.web.adding import added_lines, with_breaths
 from vqa_state.web.desk import Desk
+from vqa_state.web.marks import mark
 from vqa_state.web.taken import Taken, found_and_assessed, taken_from, taken_recognizer
 
 __all__ = ["MAX_UPLOAD", "explain", "routes"]
@@ -60,7 +60,7 @@ def routes(desk: Desk) -> APIRouter:
     @router.post("/marks")
     async def marks(request: Request, pid: str) -> Response:
         marked = checks.json_object(await _body(request, MAX_JSON))
-        return await _json(lambda: _mark(desk, pid, marked))
+        return await _json(lambda: mark(desk, pid, marked))
 
     @router.post("/remove")
     async def remove(request: Request, pid: str) -> Response:
@@ -136,27 +136,6 @@ async def _body(request: Request, limit: int) -> bytes:
 async def _json(work: Callable[[], Mapping[str, Any]]) -> Response:
     """What `work` gives, made beside the event loop: pictures take time."""
     return JSONResponse(await run_in_threadpool(work))
-
-
-def _mark(desk: Desk, pid: str, marked: Mapping[str, Any]) -> dict[str, Any]:
-    labels = checks.json_object(marked.get("labels", {}))
-    splits = checks.json_object(marked.get("splits", {}))
-    accepted = checks.json_object(marked.get("accepted", {}))
-    with desk.changing(pid) as project:
-        for image_id, label in labels.items():
-            known = checks.known_image(project, image_id).id
-            from_a_vote = accepted.get(image_id, False) is not False
-            project.set_labels([known], _label(label), accepted=from_a_vote)
-        for image_id, split in splits.items():
-            side = None if split is None else checks.choice(split, Split, "the side")
-            project.set_splits([checks.known_image(project, image_id).id], side)
-    return {}
-
-
-def _label(value: object) -> int | None:
-    if value is None or (type(value) is int and value in (-1, 1)):
-        return value
-    raise checks.RequestError("a label must be 1, -1 or null")
 
 
 def _remove(desk: Desk, pid: str, wanted: Mapping[str, Any]) -> dict[str, Any]:

@@ -209,12 +209,14 @@ function change(field, values) {
     paint(at);
   });
   count();
+  for (const [id, value] of before) if (!unsaved[field].has(id)) unsaved.seen[field].set(id, value);
   for (const [id, value] of values) unsaved[field].set(id, value);
   return {field, before};
 }
 
 const FIELDS = ['label', 'accepted', 'split'];
-const noMarks = () => Object.fromEntries(FIELDS.map((field) => [field, new Map()]));
+const empty = () => Object.fromEntries(FIELDS.map((field) => [field, new Map()]));
+const noMarks = () => ({...empty(), seen: empty()});  // and what stood here before each mark
 let unsaved = noMarks();
 let onTheWay = unsaved;   // the batch that is being saved
 let saving = false;
@@ -240,15 +242,19 @@ async function save() {
     const batch = onTheWay = unsaved;
     unsaved = noMarks();
     try {
-      await post(`/projects/${project}/marks`, JSON.stringify({
+      const {refused} = await post(`/projects/${project}/marks`, JSON.stringify({
         labels: Object.fromEntries(batch.label), accepted: Object.fromEntries(batch.accepted),
         splits: Object.fromEntries(batch.split),
+        seen: {
+          labels: Object.fromEntries(batch.seen.label), splits: Object.fromEntries(batch.seen.split),
+        },
       }));
-      warn('');
+      if (refused) { warn(`Not saved: ${refused}`); trigger('reload', {}); } else warn('');
     } catch (error) {
       if (error.refused) { warn(`Not saved: ${error.message}`); trigger('reload', {}); continue; }
       for (const field of FIELDS) {
         for (const [id, value] of batch[field]) if (!unsaved[field].has(id)) unsaved[field].set(id, value);
+        for (const [id, value] of batch.seen[field]) unsaved.seen[field].set(id, value);
       }
       warn('Not saved yet: the server cannot be reached. Trying again…');
       await new Promise((done) => setTimeout(done, 1000));
