@@ -29,7 +29,7 @@ class Parts:
 def build() -> Parts:
     """Draw it beside the button that searches on all images."""
     start = gr.Button(
-        "Optimize on a part", visible=False, elem_id="optimize-part", scale=0, min_width=170
+        "Optimize on a part", visible=False, elem_id="optimize-part", scale=0, min_width=330
     )
     return Parts(start, gr.Textbox(visible=False))
 
