@@ -14,6 +14,8 @@ ORDER = [
     "augment",
     "questions",
     "cues",
+    "thinking",
+    "reading",
     "answers",
     "verdict",
     "store",
