@@ -12,7 +12,18 @@ import numpy.typing as npt
 from vqa_state.questions import Question
 from vqa_state.reading import PARSER_VERSION, Reading, read_answer
 
-__all__ = ["MISSING", "PARSER_VERSION", "Answer", "AnswerTable", "Reading", "read_answer"]
+__all__ = [
+    "CUT_OFF",
+    "MISSING",
+    "PARSER_VERSION",
+    "Answer",
+    "AnswerTable",
+    "Reading",
+    "read_answer",
+]
+
+CUT_OFF = "no clear answer (cut off)"
+"""What an invalid answer is called that the length limit ended before yes or no."""
 
 MISSING = -128
 """Mark of an answer that a failed call never gave. It is not Invalid and never counted."""
@@ -23,11 +34,13 @@ class Answer:
     """One answer of a model: its raw text, and how sure it was.
 
     `p_yes` is P(yes) / (P(yes) + P(no)) in [0, 1], or None where the model has no probabilities.
-    Half surrogates in the text, which no file can hold, become "?".
+    `at_limit` says that the length limit ended it, not the model. Half surrogates in the text,
+    which no file can hold, become "?".
     """
 
     text: str
     p_yes: float | None = None
+    at_limit: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "text", self.text.encode("utf-8", "replace").decode())
@@ -41,6 +54,11 @@ class Answer:
     def reading(self) -> Reading:
         """Yes, no or neither, by `read_answer`."""
         return read_answer(self.text)
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether the length limit ended it before yes or no: invalid, but not for its words."""
+        return self.at_limit and self.reading is Reading.INVALID
 
     def verdict(self, yes_means: int) -> int:
         """+1 if the answer speaks for the positive state, -1 for the negative, 0 for neither."""
@@ -59,6 +77,8 @@ class AnswerTable:
         p_positive: float32, same shape: the model's own share for the positive state in [0, 1],
             NaN where unknown.
         labels: int8 (n_images,), +1 or -1.
+        cut_off: bool, the shape of verdicts: which of the invalid ones the length limit ended
+            before yes or no; None for none. They count as any other invalid answer.
     """
 
     image_ids: tuple[str, ...]
@@ -66,6 +86,7 @@ class AnswerTable:
     verdicts: npt.NDArray[np.int8]
     p_positive: npt.NDArray[np.float32]
     labels: npt.NDArray[np.int8]
+    cut_off: npt.NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n_copies = self.verdicts.shape[1] if self.verdicts.ndim == 3 else -1
@@ -79,6 +100,10 @@ class AnswerTable:
             raise ValueError(f"labels must be {shape[0]} values of +1 or -1, got {self.labels}")
         if not np.isin(self.verdicts, (-1, 0, 1, MISSING)).all():
             raise ValueError(f"verdicts must be -1, 0, +1 or MISSING ({MISSING})")
+        if self.cut_off is None:
+            object.__setattr__(self, "cut_off", np.zeros(shape, np.bool_))
+        elif self.cut_off.shape != shape or self.verdicts[self.cut_off].any():
+            raise ValueError(f"cut_off must have shape {shape} and mark invalid answers only")
 
     @property
     def n_images(self) -> int:
@@ -109,4 +134,5 @@ class AnswerTable:
             self.verdicts[chosen],
             self.p_positive[chosen],
             self.labels[chosen],
+            None if self.cut_off is None else self.cut_off[chosen],
         )
