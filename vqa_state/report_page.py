@@ -117,10 +117,11 @@ def _table(frame: pd.DataFrame) -> str:
 def _heatmap(questions: pd.DataFrame) -> str:
     """Shares in %, on a ground from red over white to green; "–" without a valid answer."""
     columns = ["accuracy", "accuracy_positive", "accuracy_negative", "invalid"]
+    columns += ["cut_off"] if questions["cut_off"].any() else []
     head = "".join(f"<th>{escape(one.replace('_', ', '))}</th>" for one in columns)
     rows = []
     for record in questions.sort_values("accuracy", ascending=False).to_dict("records"):
-        cells = "".join(_cell(float(record[one]), good=one != "invalid") for one in columns)
+        cells = "".join(_cell(float(record[one]), good=one.startswith("acc")) for one in columns)
         rows.append(f"<tr><td>{escape(str(record['question']))}</td>{cells}</tr>")
     return (
         f'<div class="wide"><table class="questions"><tr><th>question</th>{head}</tr>'

@@ -11,7 +11,7 @@ from vqa_state.asking import AskProgress, ask, plan
 from vqa_state.assessing import assess
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
 from vqa_state.cli.looking import cost_record, cost_words, look_first
-from vqa_state.cli.options import Folder, Json, Seed, app, found_results, show, tell
+from vqa_state.cli.options import Folder, Json, MaxTokens, Seed, app, found_results, show, tell
 from vqa_state.cli.terminal import (
     asked_sentence,
     interruptible,
@@ -21,6 +21,7 @@ from vqa_state.cli.terminal import (
     show_search,
 )
 from vqa_state.errors import NothingToSearchError
+from vqa_state.models.length_limit import with_max_tokens
 from vqa_state.pace import estimate, keep_pace
 from vqa_state.project import Project
 from vqa_state.scores import ObjectiveWeights
@@ -33,6 +34,7 @@ from vqa_state.tuning import optimize
 def ask_command(
     folder: Folder,
     model: Annotated[str | None, typer.Option(help="Name or address of the model; kept.")] = None,
+    max_tokens: MaxTokens = None,
     copies: Annotated[
         int | None, typer.Option(min=1, max=MAX_COPIES, help="Shifted copies of each image; kept.")
     ] = None,
@@ -54,14 +56,14 @@ def ask_command(
     project.augmentation = Augmentation(
         augmentation or old.kind, amount or old.amount, copies or old.n_copies
     )
-    project.model = models.choose(model) if model else project.model
+    project.model = _chosen(project, model, max_tokens)
     if cost:
         what = estimate(project, models.create(project.model).fingerprint)
         tell(as_json, cost_record(what), cost_words(what, project.model))
         return
     with interruptible() as stop:
         progress = _ask(project, stop)
-    tell(as_json, _asked(progress), asked_sentence(progress))
+    tell(as_json, _asked(progress), asked_sentence(progress, project.model))
     _exit_unless(not progress.stopped and not progress.n_failed)
 
 
@@ -108,6 +110,7 @@ def optimize_command(
 def tune(
     folder: Folder,
     model: Annotated[str | None, typer.Option(help="Name or address of the model; kept.")] = None,
+    max_tokens: MaxTokens = None,
     seed: Seed = None,
     engine: Annotated[
         Engine | None, typer.Option(help="How to search: default or paper; kept.")
@@ -116,7 +119,7 @@ def tune(
 ) -> None:
     """All of it for one project: ask, optimize, assess, report, write the recognizers."""
     project = Project.open(folder)
-    project.model = models.choose(model) if model else project.model
+    project.model = _chosen(project, model, max_tokens)
     project.search_seed = project.search_seed if seed is None else seed
     project.engine = engine or project.engine
     project.assign_splits()
@@ -133,7 +136,7 @@ def _stages(project: Project, stop: Callable[[], bool]) -> bool:
         Exit: if the stop came before there was a search to show.
     """
     progress = _ask(project, stop)
-    say(asked_sentence(progress))
+    say(asked_sentence(progress, project.model))
     if stop():
         if not progress.stopped:
             say("stopped by you before the search; the answers are kept")
@@ -172,6 +175,12 @@ def _assess(project: Project, stop: Callable[[], bool]) -> bool:
     if found is None or not found.finished:
         say("stopped by you while assessing; what came is kept")
     return found is not None and found.finished
+
+
+def _chosen(project: Project, model: str | None, max_tokens: int | None) -> str:
+    """The name of the model to ask: as given now, and else as the project has it."""
+    name = models.choose(model) if model else project.model
+    return name if max_tokens is None else with_max_tokens(name, max_tokens)
 
 
 def _ask(project: Project, stop: Callable[[], bool]) -> AskProgress:
@@ -220,6 +229,7 @@ def _asked(progress: AskProgress) -> dict[str, object]:
         "n_asked": progress.n_asked,
         "n_stored": progress.n_stored,
         "n_failed": progress.n_failed,
+        "n_cut_off": progress.n_cut_off,
         "seconds": progress.seconds,
         "stopped": progress.stopped,
     }
