@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from asked_models import N_CALLS, finish
 from made_recognizers import QUESTIONS, recognizer
-from server_cases import answers, model_of, only_bad, outcomes
+from server_cases import IMAGES, answers, model_of, only_bad, outcomes
 from stub_server import Result, Stub, completion
 
 from vqa_state import models, store
@@ -57,9 +57,11 @@ def old_store(path):
     db.executescript(store._MIGRATIONS[0])
     db.executescript(
         "INSERT INTO model VALUES (1, 'm'); INSERT INTO question VALUES (1, 'Open?');"
-        f"INSERT INTO copy VALUES (1, '{KEY.pixel_hash}', 'rgb-shift', 0.1, 0, 0);"
         "INSERT INTO answer VALUES (1, 1, 1, 'yes', 0.75); PRAGMA user_version = 1;"
     )
+    values = (KEY.pixel_hash, KEY.kind, KEY.amount, KEY.seed, KEY.number)
+    db.execute("INSERT INTO copy VALUES (1, ?, ?, ?, ?, ?)", values)
+    db.commit()
     db.close()
 
 
@@ -180,17 +182,11 @@ def test_a_server_is_asked_for_as_many_tokens_as_the_address_says(stub, data_hom
     name = f"server:{stub.url}?max_tokens=1000#m"
     models.choose(name)
     model = models.create(name)
-    (reply,) = model.answer([model_picture()], ["Open?"])
+    (reply,) = model.answer(IMAGES, ["Open?"])
     assert (stub.calls[-1].body["max_tokens"], reply.outcome.reading) == (1000, Reading.YES)
     usual = ServerModel(stub.url, "m", "x")
     assert "temperature 0, 8 tokens;" in usual.fingerprint
     assert model.fingerprint == usual.fingerprint.replace("8 tokens", "1000 tokens")
-
-
-def model_picture():
-    from pictures import draw
-
-    return draw(0)
 
 
 @pytest.mark.parametrize("text", ["0", "4097", "-1", "8.5", "", "many", "９"])
@@ -272,11 +268,11 @@ def test_the_command_line_sets_the_length_keeps_it_and_names_it(run, tmp_path, m
         address = f"server:{stub.url}#m"
         code, out, _ = run("ask", project.folder, "--model", address)
         assert code == 0
-        assert "; 64 no clear answer (cut off): " in out
+        assert "; 128 no clear answer (cut off): " in out
         assert "--max-tokens" in out
         assert "8 now" in out
         _, out, _ = run("ask", project.folder, "--json")
-        assert json.loads(out)["n_cut_off"] == 64
+        assert json.loads(out)["n_cut_off"] == 128
         n_before = len(stub.calls)
         _, out, _ = run("ask", project.folder, "--max-tokens", 64)
         assert "cut off" not in out

@@ -107,7 +107,7 @@ def test_settings_become_part_of_the_address(desk: Desk, pid: str) -> None:
     assert longer == "folder:/m?max_tokens=64"
     assert model.pick(desk, pid, longer)[-1] == 64
     for wrong in (0, 8.5, 5000, None, "many"):
-        with pytest.raises(VQAStateError, match="whole number|number"):
+        with pytest.raises(VQAStateError, match=r"whole number|number"):
             model.adjust(desk, pid, "folder:/m", "auto", "auto", "", wrong)
     with pytest.raises(VQAStateError, match=r"\{question\} once"):
         model.adjust(desk, pid, "folder:/m", "auto", "auto", "no slot", 8)
@@ -119,11 +119,10 @@ def test_what_was_cut_off_is_shown_apart_on_ask_on_the_heatmap_and_beside_answer
     thinks = ScriptedModel(lambda *_: Answer("", at_limit=True), name="thinks")
     monkeypatch.setitem(models._factories, "thinks", lambda: thinks)
     ask.start(desk, pid, "thinks")
-    finished(desk, pid, ask.KIND)
+    snapshot = finished(desk, pid, ask.KIND)
     text = ask.costs(desk, pid, "thinks")["text"]
     assert "no clear answer (cut off)" in text
     assert f"in the app: “{FIELD}”), 8 now" in text
-    snapshot = desk.jobs.snapshot(pid, ask.KIND)
     note = ask.view(desk, pid, snapshot)[0]
     assert "no clear answer (cut off)" in note["text"]
     project = desk.snapshot(pid)
