@@ -209,7 +209,7 @@ def test_the_length_is_kept_in_the_address_and_its_default_is_not():
 
 def test_the_message_names_the_setting_and_its_value():
     words = cut_off_words(3, "folder:/m?max_tokens=24")
-    assert words.startswith(f"3 {CUT_OFF}: the length limit ended them before yes or no; ")
+    assert words.startswith(f"{CUT_OFF}: 3, for the length limit ended them before yes or no; ")
     assert f"raise --max-tokens (in the app: “{FIELD}”), 24 now" in words
 
 
@@ -231,7 +231,7 @@ def test_a_model_that_sees_is_told_apart_by_its_whole_answers(data_home):
 
     *_, last = check_model(ScriptedModel(script, name="half", fingerprint="half/1"))
     assert last.result.n_cut_off == 12
-    assert "12 no clear answer (cut off)" in last.result.sentence
+    assert "No clear answer (cut off): 12" in last.result.sentence
 
 
 # Recognizing
@@ -268,7 +268,7 @@ def test_the_command_line_sets_the_length_keeps_it_and_names_it(run, tmp_path, m
         address = f"server:{stub.url}#m"
         code, out, _ = run("ask", project.folder, "--model", address)
         assert code == 0
-        assert "; 128 no clear answer (cut off): " in out
+        assert "; no clear answer (cut off): 128, " in out
         assert "--max-tokens" in out
         assert "8 now" in out
         _, out, _ = run("ask", project.folder, "--json")

@@ -15,7 +15,7 @@ from vqa_state.asking import AskPlan
 from vqa_state.errors import ModelError
 from vqa_state.models.base import Failure, VQAModel
 from vqa_state.models.known import KnownModel, known_as, known_model, remember
-from vqa_state.models.length_limit import cut_off_words
+from vqa_state.models.length_limit import cut_off_sentence
 from vqa_state.models.memory import Memory
 from vqa_state.models.sight import (
     N_CALLS,
@@ -80,7 +80,7 @@ class ModelCheck:
         """What was found, for the user."""
         if not self.n_cut_off:
             return self._seen
-        return f"{self._seen} {cut_off_words(self.n_cut_off, self.name)}."
+        return f"{self._seen} {cut_off_sentence(self.n_cut_off, self.name)}"
 
     @property
     def _seen(self) -> str:

@@ -121,10 +121,10 @@ def test_what_was_cut_off_is_shown_apart_on_ask_on_the_heatmap_and_beside_answer
     ask.start(desk, pid, "thinks")
     snapshot = finished(desk, pid, ask.KIND)
     text = ask.costs(desk, pid, "thinks")["text"]
-    assert "no clear answer (cut off)" in text
+    assert "No clear answer (cut off): " in text
     assert f"in the app: “{FIELD}”), 8 now" in text
     note = ask.view(desk, pid, snapshot)[0]
-    assert "no clear answer (cut off)" in note["text"]
+    assert "No clear answer (cut off): " in note["text"]
     project = desk.snapshot(pid)
     cells = [cell for row in heat_value(project)["rows"] for cell in row["cells"] if cell]
     assert {cell["cut_off"] for cell in cells} == {1.0}

@@ -291,7 +291,7 @@ def _rechecked(steps: Iterator[AskProgress | Rechecked]) -> Rechecked | None:
 def _cut_off(verdict: Verdict, recognizer: Recognizer) -> str:
     if not verdict.n_cut_off:
         return ""
-    return f", of which {cut_off_words(verdict.n_cut_off, recognizer.model.name)}"
+    return f"; {cut_off_words(verdict.n_cut_off, recognizer.model.name)}"
 
 
 def _sentence(image: str, recognizer: Recognizer, verdict: Verdict) -> str:

@@ -6,7 +6,7 @@ from vqa_state.answers import CUT_OFF
 from vqa_state.errors import ModelError
 from vqa_state.models.address import DEFAULT_MAX_TOKENS, ModelAddress
 
-__all__ = ["FIELD", "cut_off_words", "max_tokens_of", "with_max_tokens"]
+__all__ = ["FIELD", "cut_off_sentence", "cut_off_words", "max_tokens_of", "with_max_tokens"]
 
 #: What the app calls it.
 FIELD = "Most tokens of an answer"
@@ -37,9 +37,15 @@ def with_max_tokens(name: str, max_tokens: int) -> str:
 
 
 def cut_off_words(n: int, name: str) -> str:
-    """So many answers were cut off, and what to do; without a full stop."""
+    """How many answers were cut off, and what to do; to go on a sentence."""
     return (
-        f"{n:,} {CUT_OFF}: the length limit ended {'it' if n == 1 else 'them'} before yes or no; "
-        f"raise --max-tokens (in the app: “{FIELD}”), {max_tokens_of(name)} now, and ask again; a "
-        "model that thinks first needs hundreds, or its thinking turned off"
+        f"{CUT_OFF}: {n:,}, for the length limit ended {'it' if n == 1 else 'them'} before yes or "
+        f"no; raise --max-tokens (in the app: “{FIELD}”), {max_tokens_of(name)} now, and ask again; "
+        "a model that thinks first needs hundreds, or its thinking turned off"
     )
+
+
+def cut_off_sentence(n: int, name: str) -> str:
+    """The same as a sentence of its own."""
+    words = cut_off_words(n, name)
+    return f"{words[0].upper()}{words[1:]}."

@@ -12,7 +12,7 @@ from vqa_state.checking import CheckProgress
 from vqa_state.errors import ModelError, NothingToSearchError, ProjectError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.models.address import ModelAddress
-from vqa_state.models.length_limit import cut_off_words
+from vqa_state.models.length_limit import cut_off_sentence
 from vqa_state.pace import Estimate, estimate, keep_pace
 from vqa_state.web import checks, road, watching, widgets
 from vqa_state.web.desk import Desk
@@ -116,14 +116,14 @@ def costs(desk: Desk, pid: str, chosen: Any = None) -> Any:
     if not what.n_to_ask:
         return _answered(f"{product}; all of them are answered.", what, name)
     asked = f"{what.n_stored:,} are answered, {what.n_to_ask:,} are to be asked."
-    cut_off = [f"{cut_off_words(what.n_cut_off, name)}."] if what.n_cut_off else []
+    cut_off = [cut_off_sentence(what.n_cut_off, name)] if what.n_cut_off else []
     return note("\n".join([f"{product}; {asked}", *cut_off, *_takes(cost, name)]))
 
 
 def _answered(words: str, what: AskPlan, name: str) -> Any:
     if not what.n_cut_off:
         return note(words, "good")
-    return note(f"{words}\n{cut_off_words(what.n_cut_off, name)}.", "warn")
+    return note(f"{words}\n{cut_off_sentence(what.n_cut_off, name)}", "warn")
 
 
 def _takes(cost: Estimate, name: str) -> list[str]:
@@ -220,7 +220,7 @@ def _progress(snapshot: Snapshot | None, name: str) -> Any:
     if report.n_failed:
         lines.append(f"{report.n_failed:,} failed; the last one: {report.last_failure}")
     if report.n_cut_off:
-        lines.append(f"{cut_off_words(report.n_cut_off, name)}.")
+        lines.append(cut_off_sentence(report.n_cut_off, name))
     share = answered / report.n_calls if report.n_calls else 1.0
     return note("\n".join(lines), _tone(snapshot.state, report), share)
 
