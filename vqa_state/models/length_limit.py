@@ -40,8 +40,8 @@ def cut_off_words(n: int, name: str) -> str:
     """How many answers were cut off, and what to do; to go on a sentence."""
     return (
         f"{CUT_OFF}: {n:,}, for the length limit ended {'it' if n == 1 else 'them'} before yes or "
-        f"no; raise --max-tokens (in the app: “{FIELD}”), {max_tokens_of(name)} now, and ask again; "
-        "a model that thinks first needs hundreds, or its thinking turned off"
+        f"no; raise --max-tokens (in the app: “{FIELD}”), {max_tokens_of(name)} now, and ask "
+        "again; a model that thinks first needs hundreds, or its thinking turned off"
     )
 
 
