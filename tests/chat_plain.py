@@ -5,7 +5,9 @@ import transformers
 from vqa_state.models.chat_prefix import N_TOKENS
 
 
-def plain(folder, images, questions, template="{question} Answer yes or no.", **more):
+def plain(
+    folder, images, questions, template="{question} Answer yes or no.", n_tokens=N_TOKENS, **more
+):
     """What transformers says to one question at a time: (tokens, first-step logits) by pair."""
     processor = transformers.AutoProcessor.from_pretrained(folder)
     # With Pillow, as ours: where torchvision is installed, it would resize otherwise.
@@ -32,7 +34,7 @@ def plain(folder, images, questions, template="{question} Answer yes or no.", **
             made = model.generate(
                 **inputs,
                 do_sample=False,
-                max_new_tokens=N_TOKENS,
+                max_new_tokens=n_tokens,
                 return_dict_in_generate=True,
                 output_logits=True,
             )

@@ -16,6 +16,8 @@ ORDER = [
     "augment",
     "questions",
     "cues",
+    "thinking",
+    "reading",
     "answers",
     "completeness",
     "verdict",

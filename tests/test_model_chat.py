@@ -86,6 +86,41 @@ def test_it_says_what_plain_generation_says(family, folder_of, loaded):
     assert_same(generated(loaded(family), IMAGES, QUESTIONS), theirs)
 
 
+@pytest.mark.parametrize("family", ["idefics3", "qwen2_5_vl", "paligemma"])
+@pytest.mark.parametrize("n_tokens", [3, 20])
+def test_with_another_length_it_says_what_plain_generation_says(family, n_tokens, folder_of):
+    theirs = plain(folder_of(family), IMAGES[:2], QUESTIONS, prompt_for(family), n_tokens)
+    model = ChatModel(folder_of(family), "x", CPU, max_tokens=n_tokens)
+    ours = generated(model, IMAGES[:2], QUESTIONS)
+    assert_same(ours, theirs)
+    lengths = {pair: len(tokens) for pair, (tokens, _) in theirs.items()}
+    assert {pair: said.at_limit for pair, said in ours.items()} == {
+        pair: length == n_tokens for pair, length in lengths.items()
+    }
+    assert any(length == n_tokens for length in lengths.values()) or n_tokens > 8
+    ends = {(r.image, r.question): r.outcome.at_limit for r in model.answer(IMAGES[:2], QUESTIONS)}
+    assert ends == {pair: said.at_limit for pair, said in ours.items()}
+    assert f"greedy, {n_tokens} tokens" in model.fingerprint
+
+
+def test_the_default_length_leaves_the_fingerprint_as_it_was(folder_of, loaded):
+    assert "greedy, 8 tokens" in loaded().fingerprint
+    same = ChatModel(folder_of("idefics3"), "x", CPU, max_tokens=8)
+    assert same.fingerprint == loaded().fingerprint
+
+
+def test_a_longer_answer_leaves_less_room_for_the_question(folder_of):
+    model = ChatModel(folder_of("idefics3"), "x", CPU, max_tokens=40)
+    ids, seen = [5] * 60, ChatPrompt.see(model._asker._prompt, IMAGES[0])
+    model._asker._limit = 100
+    assert model._asker._refused(ids, seen) is None
+    failure = model._asker._refused([*ids, 5], seen)
+    assert "the model reads 60; shorten" in failure.reason
+    assert "or lower --max-tokens, 40 now" in failure.reason
+    model._asker._limit = 40
+    assert "answer included" in model._asker._refused(ids, seen).reason
+
+
 @pytest.mark.parametrize("family", BUILDERS)
 def test_only_a_model_that_looks_both_ways_is_slow(family, loaded):
     notes = loaded(family).notes

@@ -38,7 +38,6 @@ FAULTS = {  # name: (script, a part of the sentence, tries)
     "503": (error(503, "loading"), "503: loading", 3),
     "null": (answers(completion(None)), "gave an empty answer", 1),
     "blank": (answers(completion(" \n")), "gave an empty answer", 1),
-    "thought": (answers(completion("", finish_reason="length")), "thinking off", 1),
     "list": (answers(completion(["yes"])), "gave an empty answer", 1),
     "no choices": (answers({"choices": []}), "no choices", 3),
     "no message": (answers({"choices": [{}]}), "gave an empty answer", 1),

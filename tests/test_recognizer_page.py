@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from made_recognizers import recognizer
 from PIL import Image
 
-from vqa_state import answers
+from vqa_state import reading, thinking
 from vqa_state.answers import Answer, read_answer
 from vqa_state.augment import AugmentationKind
 from vqa_state.images import pixel_hash
@@ -47,16 +47,51 @@ VALUE = dict.fromkeys(RULES["yes"].split(), 1) | dict.fromkeys(RULES["no"].split
 def read(text):
     """+1 yes, -1 no, 0 invalid: section 2."""
     text = unicodedata.normalize("NFKC", text).replace("’", "'").replace("‐", "-").lower()
-    text = text.split("</think>")[-1].split("<think>")[0]
+    text = re.sub(RULES["box"], "\nanswer: ", spoken(text))
     text = re.sub(RULES["role"], "", re.sub(RULES["tag"], " ", text).strip())
+    if re.search(RULES["hedge"], text) or re.search(RULES["foreign"], text):
+        return 0
+    parts = [part for part in re.split(RULES["lead"], text) if re.search(RULES["word"], part)]
+    said = [read_part(part) for part in parts]
+    return 0 if not said or {1, -1} <= set(said) else said[-1]
+
+
+def spoken(text):
+    """What was not thought."""
+    marks = [
+        (mark.start(), mark.end(), rule, mark[1])
+        for rule in ("opens", "closes")
+        for mark in re.finditer(RULES[rule], text)
+    ]
+    kept, is_open, place = "", set(), 0
+    for start, end, rule, name in sorted(marks, key=lambda mark: mark[0]):
+        kept += text[place:start] if not is_open else ""
+        place = end
+        if rule == "opens":
+            is_open |= {name}
+        elif is_open:
+            is_open -= {name}
+        else:
+            kept = ""
+    return kept + (text[place:] if not is_open else "")
+
+
+def read_part(text):
     words = list(re.finditer(RULES["word"], text))
     said = [VALUE.get(word[0], 0) for word in words]
-    if not any(said[:1]) or re.search(RULES["hedge"], text) or re.match(RULES["nobody"], text):
+    behind = text[words[0].end() :]
+    follows = re.match(RULES["next"], behind)
+    if words[0][0] in RULES["of a noun"].split() and follows:
+        word = follows[1] or ""
+        if not re.fullmatch(RULES["beginner"], word) and word not in VALUE:
+            return 0
+    if not said[0] or re.search(RULES["taken back"], behind):
         return 0
     if -said[0] not in said:
         return said[0]
-    set_off = re.compile(RULES["set off"]).match(text, words[0].end())
-    return said[0] if set_off and 0 in said else 0
+    others = "|".join(word for word, value in VALUE.items() if value == -said[0])
+    turns = re.search(RULES["turn"].replace("OTHER", others), behind)
+    return said[0] if 0 in said and re.match(RULES["set off"], behind) and not turns else 0
 
 
 def counted(file, votes):
@@ -173,16 +208,30 @@ def test_the_copies_are_those_of_the_page_and_of_the_program():
 
 
 def test_the_rules_of_reading_are_the_programs():
-    assert {word for word, value in VALUE.items() if value > 0} == answers._YES
-    assert {word for word, value in VALUE.items() if value < 0} == answers._NO
-    patterns = {"tag": "TAG", "role": "ROLE", "word": "WORD", "set off": "SET_OFF"}
-    for name, own in (patterns | {"hedge": "HEDGE", "nobody": "NOBODY"}).items():
-        assert RULES[name] == getattr(answers, f"_{own}").pattern
+    assert {word for word, value in VALUE.items() if value > 0} == reading._YES
+    assert {word for word, value in VALUE.items() if value < 0} == reading._NO
+    assert set(RULES["of a noun"].split()) == reading._OF_A_NOUN
+    for name in RULES.keys() - {"yes", "no", "of a noun"}:
+        module = thinking if name in ("opens", "closes") else reading
+        own = getattr(module, f"_{name.replace(' ', '_').upper()}")
+        assert RULES[name] == getattr(own, "pattern", own), name
 
 
 PIECES = (
     *("yes", "No", "yeah", "true", "open", "it is", "not sure", "No one", "Answer:", "assistant\n"),
     *("<think>", "</think>", "<b>", ",", ".", " - ", "–", "\n", "’", "can't", "tell", "Ｙes", "!"),
+    *(
+        "no",
+        "doubt",
+        "wait",
+        "Actually",
+        "is",
+        "The answer",
+        "[THINK]",
+        "</thinking>",
+        "\\boxed{",
+        "la",
+    ),
 )
 
 
@@ -190,6 +239,15 @@ PIECES = (
 def test_a_text_says_the_same_by_the_page(pieces, between):
     text = between.join(pieces)
     assert read(text) == {"yes": 1, "no": -1, "invalid": 0}[read_answer(text)]
+
+
+def test_every_judged_text_is_read_by_the_page_as_it_was_judged():
+    table = json.loads(Path(__file__).with_name("answer_texts.json").read_text(encoding="utf-8"))
+    for judged in table.values():
+        for said, value in {"yes": 1, "no": -1, "invalid": 0}.items():
+            assert {text: read(text) for text in judged.get(said, [])} == dict.fromkeys(
+                judged.get(said, []), value
+            )
 
 
 TEXTS = ("Yes", "no", "no.", "maybe", "it is dark")

@@ -50,7 +50,9 @@ def test_what_was_saved_is_read(store, path):
 @settings(max_examples=30)
 @given(
     st.dictionaries(
-        st.text(), st.builds(Answer, st.text(), st.none() | st.floats(0, 1)), max_size=5
+        st.text(),
+        st.builds(Answer, st.text(), st.none() | st.floats(0, 1), st.booleans()),
+        max_size=5,
     ),
     st.floats(0.0001, 1.0),
 )
@@ -102,7 +104,7 @@ def test_all_or_none(store):
 
     with pytest.raises(RuntimeError):
         store.save("m", breaks_off())
-    no_text = SimpleNamespace(text=object(), p_yes=None)
+    no_text = SimpleNamespace(text=object(), p_yes=None, at_limit=False)
     with pytest.raises(sqlite3.Error):
         store.save("m", [(KEY, "Open?", Answer("yes")), (KEY, "Closed?", no_text)])
     assert len(store) == 0
@@ -131,9 +133,9 @@ def test_a_full_disk_keeps_what_was_stored(store, path):
 def test_a_newer_store_is_refused(path):
     AnswerStore(path).close()
     with sqlite3.connect(path) as db:
-        db.execute("PRAGMA user_version = 2")
+        db.execute("PRAGMA user_version = 3")
     db.close()
-    with pytest.raises(StoreError, match=r"newer version .* version 2, .* up to 1\); update"):
+    with pytest.raises(StoreError, match=r"newer version .* version 3, .* up to 2\); update"):
         AnswerStore(path)
 
 

@@ -4,31 +4,29 @@ The raw text is what the store keeps; it is read again each time a table is made
 parser needs no new calls. A change of the rules raises `PARSER_VERSION`.
 """
 
-import re
-import unicodedata
 from dataclasses import dataclass
-from enum import StrEnum
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from vqa_state.questions import Question
+from vqa_state.reading import PARSER_VERSION, Reading, read_answer
 
-__all__ = ["MISSING", "PARSER_VERSION", "Answer", "AnswerTable", "Reading", "read_answer"]
+__all__ = [
+    "CUT_OFF",
+    "MISSING",
+    "PARSER_VERSION",
+    "Answer",
+    "AnswerTable",
+    "Reading",
+    "read_answer",
+]
 
-PARSER_VERSION = 1
+CUT_OFF = "no clear answer (cut off)"
+"""What an invalid answer is called that the length limit ended before yes or no."""
 
 MISSING = -128
 """Mark of an answer that a failed call never gave. It is not Invalid and never counted."""
-
-
-class Reading(StrEnum):
-    """What a free text says to a yes/no question."""
-
-    YES = "yes"
-    NO = "no"
-    INVALID = "invalid"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +34,13 @@ class Answer:
     """One answer of a model: its raw text, and how sure it was.
 
     `p_yes` is P(yes) / (P(yes) + P(no)) in [0, 1], or None where the model has no probabilities.
-    Half surrogates in the text, which no file can hold, become "?".
+    `at_limit` says that the length limit ended it, not the model. Half surrogates in the text,
+    which no file can hold, become "?".
     """
 
     text: str
     p_yes: float | None = None
+    at_limit: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "text", self.text.encode("utf-8", "replace").decode())
@@ -55,63 +55,14 @@ class Answer:
         """Yes, no or neither, by `read_answer`."""
         return read_answer(self.text)
 
+    @property
+    def cut_off(self) -> bool:
+        """Whether the length limit ended it before yes or no: invalid, but not for its words."""
+        return self.at_limit and self.reading is Reading.INVALID
+
     def verdict(self, yes_means: int) -> int:
         """+1 if the answer speaks for the positive state, -1 for the negative, 0 for neither."""
         return {Reading.YES: yes_means, Reading.NO: -yes_means, Reading.INVALID: 0}[self.reading]
-
-
-_YES = frozenset({"yes", "yeah", "yep", "yup", "true", "correct"})
-_NO = frozenset({"no", "nope", "nah", "false", "incorrect"})
-_TAG = re.compile(r"<[^<>]*>")
-_ROLE = re.compile(r"^[\W_]*(?:assistant|answer|a)[\s*_\"']*[:\-\n]\s*")
-_WORD = re.compile(r"[^\W_]+(?:['-][^\W_]+)*")
-_SET_OFF = re.compile(r"\s*(?:[.,;:!\n]|[–—]|-\s)")
-_HEDGE = re.compile(
-    r"\b(?:not (?:\S+ )?(?:sure|certain)|not (?:really )?(?:clear|possible to)|unsure|uncertain"
-    r"|unclear|unknown|maybe|perhaps|possibly|probably|likely|might be|could be"
-    r"|(?:hard|difficult|impossible) to (?:tell|say|see|know|judge|answer|determine|decide)"
-    r"|(?:yes|no),? (?:or|and) (?:no|yes)|unable to|no (?:idea|clue)|(?:don't|do not) know"
-    r"|(?:cannot|can't|can not|couldn't|could not) (?:really )?(?:be )?"
-    r"(?:tell|say|see|know|judge|answer|determined?|decided?))\b"
-)
-_NOBODY = re.compile(r"\W*no (?:one|answer|image|picture|information|comment|response)\b")
-
-
-@lru_cache(maxsize=1024)  # a model says the same few things again and again
-def read_answer(text: str) -> Reading:
-    """Read a clear yes or no out of free text; never guess from content words.
-
-    Tags, a model's thinking and a leading "Answer:" are dropped; thinking that was cut off before
-    its end leaves no answer. The first word must be yes- or
-    no-like as a whole word ("None", "Not sure", "Now closed" are not "no"); a hedge anywhere makes
-    the answer invalid; when both yes and no occur, the first counts only if punctuation sets it
-    off and a sentence follows. "Open" or "closed" alone is invalid: what it says depends on the
-    question.
-    """
-    plain = _plain(text)
-    words = _WORD.findall(plain)
-    said = [_yes_or_no(word) for word in words]
-    if not said or said[0] is None or _HEDGE.search(plain) or _NOBODY.match(plain):
-        return Reading.INVALID
-    if len({reading for reading in said if reading}) == 1:
-        return said[0]
-    only_yes_and_no = all(said)
-    end_of_first = plain.index(words[0]) + len(words[0])
-    if only_yes_and_no or not _SET_OFF.match(plain, end_of_first):
-        return Reading.INVALID
-    return said[0]
-
-
-def _plain(text: str) -> str:
-    plain = unicodedata.normalize("NFKC", text).replace("’", "'").replace("‐", "-").lower()
-    plain = plain.rpartition("</think>")[2].partition("<think>")[0]
-    return _ROLE.sub("", _TAG.sub(" ", plain).strip())
-
-
-def _yes_or_no(word: str) -> Reading | None:
-    if word in _YES:
-        return Reading.YES
-    return Reading.NO if word in _NO else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +77,8 @@ class AnswerTable:
         p_positive: float32, same shape: the model's own share for the positive state in [0, 1],
             NaN where unknown.
         labels: int8 (n_images,), +1 or -1.
+        cut_off: bool, the shape of verdicts: which of the invalid ones the length limit ended
+            before yes or no; None for none. They count as any other invalid answer.
     """
 
     image_ids: tuple[str, ...]
@@ -133,6 +86,7 @@ class AnswerTable:
     verdicts: npt.NDArray[np.int8]
     p_positive: npt.NDArray[np.float32]
     labels: npt.NDArray[np.int8]
+    cut_off: npt.NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n_copies = self.verdicts.shape[1] if self.verdicts.ndim == 3 else -1
@@ -146,6 +100,10 @@ class AnswerTable:
             raise ValueError(f"labels must be {shape[0]} values of +1 or -1, got {self.labels}")
         if not np.isin(self.verdicts, (-1, 0, 1, MISSING)).all():
             raise ValueError(f"verdicts must be -1, 0, +1 or MISSING ({MISSING})")
+        if self.cut_off is None:
+            object.__setattr__(self, "cut_off", np.zeros(shape, np.bool_))
+        elif self.cut_off.shape != shape or self.verdicts[self.cut_off].any():
+            raise ValueError(f"cut_off must have shape {shape} and mark invalid answers only")
 
     @property
     def n_images(self) -> int:
@@ -176,4 +134,5 @@ class AnswerTable:
             self.verdicts[chosen],
             self.p_positive[chosen],
             self.labels[chosen],
+            None if self.cut_off is None else self.cut_off[chosen],
         )

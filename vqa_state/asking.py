@@ -41,6 +41,8 @@ class AskPlan:
     n_copies: int
     n_questions: int
     n_stored: int
+    n_cut_off: int = 0
+    """Stored answers that the length limit ended before yes or no; they are not asked again."""
 
     @property
     def n_calls(self) -> int:
@@ -62,6 +64,7 @@ class AskProgress:
         n_stored: answers that an earlier run had already bought.
         n_asked: answers bought and stored by this run.
         n_failed: calls of this run that gave no answer; they stay missing.
+        n_cut_off: answers, stored ones included, that the length limit ended before yes or no.
         seconds: since this run began.
         last_failure: why the last failed call failed.
         stopped: the user stopped this run.
@@ -71,6 +74,7 @@ class AskProgress:
     n_stored: int
     n_asked: int = 0
     n_failed: int = 0
+    n_cut_off: int = 0
     seconds: float = 0.0
     last_failure: str | None = None
     stopped: bool = False
@@ -97,11 +101,11 @@ def plan(project: Project, fingerprint: str) -> AskPlan:
     """
     images, questions = _asked_about(project)
     with AnswerStore(project.store_path) as store:
-        jobs = _jobs(project, images, questions, store, fingerprint)
-        n_missing = sum(len(job.questions) for job in jobs)
+        jobs, n_cut_off = _jobs(project, images, questions, store, fingerprint)
+    n_missing = sum(len(job.questions) for job in jobs)
     n_copies = project.augmentation.n_copies
     n_calls = len(images) * n_copies * len(questions)
-    return AskPlan(len(images), n_copies, len(questions), n_calls - n_missing)
+    return AskPlan(len(images), n_copies, len(questions), n_calls - n_missing, n_cut_off)
 
 
 def ask(
@@ -131,9 +135,10 @@ def ask(
     began = time.monotonic()
     with _only_asker(project), AnswerStore(project.store_path) as store:
         fingerprint = model.fingerprint
-        jobs = list(_jobs(project, images, questions, store, fingerprint))
+        jobs, n_cut_off = _jobs(project, images, questions, store, fingerprint)
         n_calls = len(images) * project.augmentation.n_copies * len(questions)
-        progress = AskProgress(n_calls, n_calls - sum(len(job.questions) for job in jobs))
+        n_stored = n_calls - sum(len(job.questions) for job in jobs)
+        progress = AskProgress(n_calls, n_stored, n_cut_off=n_cut_off)
         yield progress
         left, given_up = deque(_by_image(jobs)), ""
         while left:
@@ -194,6 +199,7 @@ def answer_table(project: Project, split: Split) -> AnswerTable:
     shape = (len(images), project.augmentation.n_copies, len(questions))
     verdicts = np.full(shape, MISSING, np.int8)
     p_positive = np.full(shape, np.nan, np.float32)
+    cut_off = np.zeros(shape, np.bool_)
     texts = [question.text for question in questions]
     with AnswerStore(project.store_path) as store:
         for i, image in enumerate(images):
@@ -204,9 +210,10 @@ def answer_table(project: Project, split: Split) -> AnswerTable:
                         answer = said[question.text]
                         verdicts[i, key.number, q] = answer.verdict(question.yes_means)
                         p_positive[i, key.number, q] = _p_positive(answer, question)
+                        cut_off[i, key.number, q] = answer.cut_off
     labels = np.array([image.label for image in images], np.int8)
     ids = tuple(image.id for image in images)
-    return AnswerTable(ids, questions, verdicts, p_positive, labels)
+    return AnswerTable(ids, questions, verdicts, p_positive, labels, cut_off)
 
 
 def _p_positive(answer: Answer, question: Question) -> float:
@@ -242,14 +249,18 @@ def _jobs(
     questions: Sequence[Question],
     store: AnswerStore,
     fingerprint: str,
-) -> Iterator[_Job]:
+) -> tuple[list[_Job], int]:
+    """What the store lacks, and how many of its answers were cut off."""
+    jobs, n_cut_off = [], 0
     texts = [question.text for question in questions]
     for image in images:
         for key in copy_keys(image.pixel_hash, project.augmentation, project.seed):
             known = store.answers(fingerprint, key, texts)
             lacking = tuple(text for text in texts if text not in known)
             if lacking:
-                yield _Job(image, key, lacking)
+                jobs.append(_Job(image, key, lacking))
+            n_cut_off += sum(answer.cut_off for answer in known.values())
+    return jobs, n_cut_off
 
 
 def _by_image(jobs: Iterable[_Job]) -> list[list[_Job]]:
@@ -274,6 +285,7 @@ class _Bite:
             progress,
             n_asked=progress.n_asked + len(self.answers),
             n_failed=progress.n_failed + len(self.failures),
+            n_cut_off=progress.n_cut_off + sum(answer.cut_off for *_, answer in self.answers),
             seconds=seconds,
             last_failure=self.failures[-1].reason if self.failures else progress.last_failure,
         )

@@ -6,7 +6,7 @@ silent fault. So a model is looked at (`models.sight`) before its first run on t
 
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from PIL import Image
 
@@ -15,6 +15,7 @@ from vqa_state.asking import AskPlan
 from vqa_state.errors import ModelError
 from vqa_state.models.base import Failure, VQAModel
 from vqa_state.models.known import KnownModel, known_as, known_model, remember
+from vqa_state.models.length_limit import cut_off_sentence
 from vqa_state.models.memory import Memory
 from vqa_state.models.sight import (
     N_CALLS,
@@ -60,6 +61,7 @@ class ModelCheck:
         memory: of this process with the model in it; None if it was not measured now.
         n_calls, n_failed: calls made, and those of them that gave no answer.
         failure: why the last one failed; "" if none did.
+        n_cut_off: answers that the length limit ended before yes or no.
     """
 
     name: str
@@ -71,13 +73,21 @@ class ModelCheck:
     n_calls: int = 0
     n_failed: int = 0
     failure: str = ""
+    n_cut_off: int = 0
 
     @property
     def sentence(self) -> str:
         """What was found, for the user."""
+        if not self.n_cut_off:
+            return self._seen
+        return f"{self._seen} {cut_off_sentence(self.n_cut_off, self.name)}"
+
+    @property
+    def _seen(self) -> str:
         if self.sight is Sight.SILENT:
-            few = "no answer" if self.n_failed == self.n_calls else "too few answers to say more"
-            return f"It gave {few}: {self.failure or 'no reply came'}."
+            none = self.n_failed + self.n_cut_off == self.n_calls
+            why = self.failure or ("no whole answer" if self.n_cut_off else "no reply") + " came"
+            return f"It gave {'no answer' if none else 'too few answers to say more'}: {why}."
         found = {
             Sight.TELLS: "It sees: it tells the states of the pictures that it was shown apart.",
             Sight.SEES: (
@@ -97,7 +107,7 @@ class ModelCheck:
     @property
     def warns(self) -> bool:
         """Whether the user should read it before a run."""
-        return self.sight is not Sight.TELLS or self.n_failed > 0
+        return self.sight is not Sight.TELLS or self.n_failed > 0 or self.n_cut_off > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +187,7 @@ class _Run:
     n_total: int
     n_done: int = 0
     failures: list[str] = field(default_factory=list)
+    n_cut_off: int = 0
     began: float = field(default_factory=time.monotonic)
 
     def ask(
@@ -196,6 +207,7 @@ class _Run:
                     self.failures.append(reply.outcome.reason)
                 else:
                     said[pair] = reply.outcome
+                    self.n_cut_off += reply.outcome.cut_off
                 self.n_done += 1
                 seconds = time.monotonic() - self.began
                 yield CheckProgress(self.n_done, self.n_total, seconds=seconds)
@@ -224,7 +236,8 @@ def _ended(run: _Run, sight: Sight, pace: Pace | None) -> CheckProgress:
     numbers = (run.n_done, len(run.failures))
     notes = tuple(model.notes)
     found = ModelCheck(model.name, model.fingerprint, notes, sight, pace, memory, *numbers, failure)
-    is_sure = sight is Sight.TELLS or not run.failures
+    found = replace(found, n_cut_off=run.n_cut_off)
+    is_sure = sight is Sight.TELLS or not (run.failures or run.n_cut_off)
     if is_sure or pace is not None:
         remember(
             KnownModel(

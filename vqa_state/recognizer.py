@@ -266,6 +266,18 @@ class Recognizer(Record):
     def _arrays(self, votes: Sequence[Vote]) -> tuple[Said, Shares | None]:
         return as_arrays(votes, self.questions, self.copies.n_copies, self.vote)
 
+    @property
+    def caution(self) -> str:
+        """What to know before relying on it, in a sentence; "" if there is nothing."""
+        if self.parser_version == PARSER_VERSION:
+            return ""
+        return (
+            f"{self.name}: its questions were chosen and scored when answers were read by older "
+            f"rules (parser_version {self.parser_version}); its verdicts are by those of this "
+            f"program ({PARSER_VERSION}), by which “No doubt” is no “no”: export it again from its "
+            "project, and both are alike"
+        )
+
     def loaded_model(self) -> VQAModel:
         """The model that the file names, loaded on first use and kept.
 
@@ -287,7 +299,8 @@ class Recognizer(Record):
                 f"these questions are for {self.model.fingerprint!r}, but the model here "
                 f"is {model.fingerprint!r}. If it is the same model elsewhere, on another device "
                 "or at another precision, name it as it was: `python -m vqa_state recognize "
-                "--model ADDRESS`, with ?device=DEVICE&precision=PRECISION at the address's end. "
+                "--model ADDRESS`, with ?device=DEVICE&precision=PRECISION&max_tokens=N at the "
+                "address's end. "
                 "Otherwise see what is lost with `python -m vqa_state recheck`, or optimize again: "
                 "which questions work depends on the model"
             )

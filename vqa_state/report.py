@@ -5,7 +5,9 @@ The heatmap reads training images only; looks at the test table are counted by t
 
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from vqa_state.answers import AnswerTable
 from vqa_state.asking import answer_table
@@ -33,21 +35,27 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class ImageAnswer:
-    """One stored answer about one copy of an image; `speaks_for` is +1, -1 or 0 (invalid)."""
+    """One stored answer about one copy of an image; `speaks_for` is +1, -1 or 0 (invalid).
+
+    `cut_off`: invalid because the length limit ended it before yes or no.
+    """
 
     question: str
     copy: int
     text: str
     speaks_for: int
+    cut_off: bool = False
 
 
 def question_frame(train: AnswerTable) -> pd.DataFrame:
     """One row a question: where it stands in the grid and how it does on the training images.
 
     Columns: question, form, article, phrase, wording, yes_means, accuracy and its two parts by
-    state (NaN without a valid answer), invalid. Shares are in [0, 1].
+    state (NaN without a valid answer), invalid, and cut_off, the part of invalid that the length
+    limit ended before yes or no. Shares are in [0, 1].
     """
-    stats = question_stats(count(train.take(train.complete)))
+    complete = train.take(train.complete)
+    stats = question_stats(count(complete))
     return pd.DataFrame(
         {
             "question": [question.text for question in train.questions],
@@ -60,8 +68,17 @@ def question_frame(train: AnswerTable) -> pd.DataFrame:
             "accuracy_positive": stats.accuracy_positive,
             "accuracy_negative": stats.accuracy_negative,
             "invalid": stats.invalid_share,
+            "cut_off": _cut_off_share(complete),
         }
     )
+
+
+def _cut_off_share(table: AnswerTable) -> NDArray[np.float64]:
+    """(n_questions,), of each question's answers; NaN without any."""
+    n_answers = table.n_images * table.n_copies
+    if table.cut_off is None or not n_answers:
+        return np.full(table.n_questions, np.nan)
+    return np.asarray(table.cut_off.sum(axis=(0, 1)) / n_answers)
 
 
 def score_frame(evaluation: Evaluation) -> pd.DataFrame:
@@ -165,7 +182,11 @@ def image_answers(project: Project, image_id: str, texts: set[str]) -> list[Imag
             said = store.answers(project.fingerprint or "", key, list(texts))
             found += [
                 ImageAnswer(
-                    q.text, key.number, said[q.text].text, said[q.text].verdict(q.yes_means)
+                    q.text,
+                    key.number,
+                    said[q.text].text,
+                    said[q.text].verdict(q.yes_means),
+                    said[q.text].cut_off,
                 )
                 for q in questions
                 if q.text in said

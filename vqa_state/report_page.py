@@ -116,13 +116,21 @@ def _table(frame: pd.DataFrame) -> str:
     return f'<div class="wide"><table class="recognizers"><tr>{head}</tr>{body}</table></div>'
 
 
+_HEADS = {
+    "accuracy_positive": "accuracy, positive",
+    "accuracy_negative": "accuracy, negative",
+    "cut_off": "cut off (of invalid)",
+}
+
+
 def _heatmap(questions: pd.DataFrame) -> str:
     """Shares in %, on a ground from red over white to green; "–" without a valid answer."""
     columns = ["accuracy", "accuracy_positive", "accuracy_negative", "invalid"]
-    head = "".join(f"<th>{escape(one.replace('_', ', '))}</th>" for one in columns)
+    columns += ["cut_off"] if questions["cut_off"].any() else []
+    head = "".join(f"<th>{escape(_HEADS.get(one, one))}</th>" for one in columns)
     rows = []
     for record in questions.sort_values("accuracy", ascending=False).to_dict("records"):
-        cells = "".join(_cell(float(record[one]), good=one != "invalid") for one in columns)
+        cells = "".join(_cell(float(record[one]), good=one.startswith("acc")) for one in columns)
         rows.append(f"<tr><td>{escape(str(record['question']))}</td>{cells}</tr>")
     return (
         f'<div class="wide"><table class="questions"><tr><th>question</th>{head}</tr>'

@@ -17,8 +17,9 @@ from vqa_state.errors import StoreError
 
 __all__ = ["AnswerStore", "CopyKey", "copy_keys"]
 
-_VERSION = 1
-_SCHEMA = """
+#: The scripts that lead from each version to the next; new ones are appended, none is changed.
+_MIGRATIONS = (
+    """
 CREATE TABLE model (id INTEGER PRIMARY KEY, fingerprint TEXT NOT NULL UNIQUE);
 CREATE TABLE question (id INTEGER PRIMARY KEY, text TEXT NOT NULL UNIQUE);
 CREATE TABLE copy (
@@ -33,7 +34,12 @@ CREATE TABLE answer (
     text TEXT NOT NULL, p_yes REAL,
     PRIMARY KEY (model, copy, question)
 ) WITHOUT ROWID;
-"""
+""",
+    # Why an answer ended: "length" for the length limit, NULL otherwise and where nobody noted it.
+    "ALTER TABLE answer ADD COLUMN finish TEXT",
+)
+_VERSION = len(_MIGRATIONS)
+_AT_LIMIT = "length"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +95,9 @@ class AnswerStore:
         with self._explained(), self._transaction():
             model = self._id("model", ("fingerprint",), (fingerprint,))
             self._db.executemany(
-                "INSERT OR IGNORE INTO answer VALUES (?, ?, ?, ?, ?)",
+                "INSERT OR IGNORE INTO answer VALUES (?, ?, ?, ?, ?, ?)",
                 [
-                    (model, self._copy_id(key), self._question_id(text), answer.text, answer.p_yes)
+                    (model, self._copy_id(key), self._question_id(text), *_row(answer))
                     for key, text, answer in answers
                 ],
             )
@@ -103,13 +109,13 @@ class AnswerStore:
         wanted = set(questions)
         with self._explained():
             rows = self._db.execute(
-                "SELECT question.text, answer.text, p_yes FROM answer"
+                "SELECT question.text, answer.text, p_yes, finish FROM answer"
                 " JOIN model ON model.id = answer.model JOIN question ON question.id = question"
                 " JOIN copy ON copy.id = copy WHERE fingerprint = ? AND pixel_hash = ?"
                 " AND kind = ? AND amount = ? AND seed = ? AND number = ?",
                 (fingerprint, key.pixel_hash, key.kind, key.amount, key.seed, key.number),
             )
-            return {text: _answer(said, p_yes) for text, said, p_yes in rows if text in wanted}
+            return {text: _answer(*said) for text, *said in rows if text in wanted}
 
     def __len__(self) -> int:
         with self._explained():
@@ -124,12 +130,13 @@ class AnswerStore:
             )
         self._db.execute("PRAGMA journal_mode = WAL")
         self._db.execute("PRAGMA synchronous = FULL")
-        if version == 0:
-            with self._transaction():
-                if self._db.execute("PRAGMA user_version").fetchone()[0] == 0:
-                    for statement in _SCHEMA.split(";"):
+        if version < _VERSION:
+            with self._transaction():  # all steps or none, and another program may have been first
+                version = self._db.execute("PRAGMA user_version").fetchone()[0]
+                for script in _MIGRATIONS[version:]:
+                    for statement in script.split(";"):
                         self._db.execute(statement)
-                    self._db.execute(f"PRAGMA user_version = {_VERSION}")
+                self._db.execute(f"PRAGMA user_version = {max(version, _VERSION)}")
 
     def _copy_id(self, key: CopyKey) -> int:
         values = (key.pixel_hash, key.kind, key.amount, key.seed, key.number)
@@ -179,8 +186,14 @@ class AnswerStore:
             ) from error
 
 
-def _answer(text: str, p_yes: float | None) -> Answer:
+def _row(answer: Answer) -> tuple[str, float | None, str | None]:
+    return answer.text, answer.p_yes, _AT_LIMIT if answer.at_limit else None
+
+
+def _answer(text: str, p_yes: float | None, finish: str | None) -> Answer:
+    if finish not in (None, _AT_LIMIT):
+        raise sqlite3.DatabaseError(f"row {text!r}: an answer cannot have ended by {finish!r}")
     try:
-        return Answer(text, p_yes)
+        return Answer(text, p_yes, finish == _AT_LIMIT)
     except (AttributeError, TypeError, ValueError) as error:
         raise sqlite3.DatabaseError(f"row {text!r}, {p_yes!r}: {error}") from error

@@ -26,6 +26,11 @@ class Vote:
     answer: Answer
     speaks_for: int
 
+    @property
+    def cut_off(self) -> bool:
+        """Whether it is invalid because the length limit ended it before yes or no."""
+        return self.answer.cut_off
+
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
@@ -66,3 +71,8 @@ class Verdict:
     min_sureness: float = 0.0
     n_copies: int = 0
     n_agreeing: int = 0
+
+    @property
+    def n_cut_off(self) -> int:
+        """Of the invalid answers, those that the length limit ended before yes or no."""
+        return sum(vote.cut_off for vote in self.votes)

@@ -20,10 +20,13 @@ from vqa_state.models import presets
 from vqa_state.models.base import Reply
 from vqa_state.models.fake import ScriptedModel
 from vqa_state.models.hub import DownloadProgress
+from vqa_state.models.length_limit import FIELD
 from vqa_state.models.sight import N_CALLS
 from vqa_state.web import watching
 from vqa_state.web.desk import Desk
+from vqa_state.web.heat import heat_value
 from vqa_state.web.tabs import ask, model, model_words, recheck, recognizer
+from vqa_state.web.views import image_card
 
 SERVER = "server:http://127.0.0.1:9/v1#some"
 STRANGE: list[Any] = [None, [], {}, True, 7, "nothing", "hub:..", "x" * 200_000]
@@ -96,12 +99,38 @@ def test_only_the_hub_downloads(desk: Desk, pid: str) -> None:
 
 
 def test_settings_become_part_of_the_address(desk: Desk, pid: str) -> None:
-    changed = model.adjust(desk, pid, "folder:/m", "cpu", "bfloat16", " Look. {question} ")
+    changed = model.adjust(desk, pid, "folder:/m", "cpu", "bfloat16", " Look. {question} ", 8)
     assert changed == "folder:/m?device=cpu&precision=bfloat16&prompt=Look.%20%7Bquestion%7D"
-    assert model.pick(desk, pid, changed)[-3:] == ("cpu", "bfloat16", "Look. {question}")
-    assert model.adjust(desk, pid, "embedded", "cpu", "auto", "") == "embedded"
+    assert model.pick(desk, pid, changed)[-4:] == ("cpu", "bfloat16", "Look. {question}", 8)
+    assert model.adjust(desk, pid, "embedded", "cpu", "auto", "", 8) == "embedded"
+    longer = model.adjust(desk, pid, "folder:/m", "auto", "auto", "", 64)
+    assert longer == "folder:/m?max_tokens=64"
+    assert model.pick(desk, pid, longer)[-1] == 64
+    for wrong in (0, 8.5, 5000, None, "many"):
+        with pytest.raises(VQAStateError, match=r"whole number|number"):
+            model.adjust(desk, pid, "folder:/m", "auto", "auto", "", wrong)
     with pytest.raises(VQAStateError, match=r"\{question\} once"):
-        model.adjust(desk, pid, "folder:/m", "auto", "auto", "no slot")
+        model.adjust(desk, pid, "folder:/m", "auto", "auto", "no slot", 8)
+
+
+def test_what_was_cut_off_is_shown_apart_on_ask_on_the_heatmap_and_beside_answers(
+    desk: Desk, pid: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    thinks = ScriptedModel(lambda *_: Answer("", at_limit=True), name="thinks")
+    monkeypatch.setitem(models._factories, "thinks", lambda: thinks)
+    ask.start(desk, pid, "thinks")
+    snapshot = finished(desk, pid, ask.KIND)
+    text = ask.costs(desk, pid, "thinks")["text"]
+    assert "No clear answer (cut off): " in text
+    assert f"in the app: “{FIELD}”), 8 now" in text
+    note = ask.view(desk, pid, snapshot)[0]
+    assert "No clear answer (cut off): " in note["text"]
+    project = desk.snapshot(pid)
+    cells = [cell for row in heat_value(project)["rows"] for cell in row["cells"] if cell]
+    assert {cell["cut_off"] for cell in cells} == {1.0}
+    question = project.questions()[0].text
+    card = image_card(project, next(iter(project.images)), [question])
+    assert card["answers"] == [[question, "(empty) – no clear answer (cut off) × 6"]]
 
 
 @pytest.mark.parametrize("strange", STRANGE)

@@ -9,12 +9,13 @@ import typer
 from vqa_state import models
 from vqa_state.asking import plan
 from vqa_state.checking import check_model
-from vqa_state.cli.options import Json, app, tell
+from vqa_state.cli.options import Json, MaxTokens, app, tell
 from vqa_state.cli.terminal import interruptible, say, show_check, show_download
 from vqa_state.errors import ModelError
 from vqa_state.models.address import ModelAddress, Source
 from vqa_state.models.approval import approve, approved, withdraw
 from vqa_state.models.hub import download
+from vqa_state.models.length_limit import with_max_tokens
 from vqa_state.models.offers import offered
 from vqa_state.models.opening import folder_of
 from vqa_state.models.presets import PRESETS, Preset
@@ -156,10 +157,13 @@ def check_command(
     project: Annotated[
         Path | None, typer.Option(help="Say what asking about this project would take.")
     ] = None,
+    max_tokens: MaxTokens = None,
     as_json: Json = False,
 ) -> None:
     """Show the model some pictures: does it see, how fast is it, what memory does it take?"""
-    vqa_model = models.create(models.choose(model))
+    name = models.choose(model)
+    name = name if max_tokens is None else with_max_tokens(name, max_tokens)
+    vqa_model = models.create(name)
     with interruptible() as stop:
         found = show_check(check_model(vqa_model, stop))
     if found is None:
@@ -172,6 +176,7 @@ def check_command(
         "notes": list(found.notes),
         "n_calls": found.n_calls,
         "n_failed": found.n_failed,
+        "n_cut_off": found.n_cut_off,
         "failure": found.failure,
     }
     if found.memory is not None:

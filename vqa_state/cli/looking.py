@@ -5,6 +5,7 @@ from collections.abc import Callable
 from vqa_state.checking import first_look
 from vqa_state.cli.terminal import plan_record, say, show_check
 from vqa_state.models import VQAModel
+from vqa_state.models.length_limit import cut_off_words
 from vqa_state.pace import Estimate
 
 __all__ = ["cost_record", "cost_words", "look_first"]
@@ -35,6 +36,7 @@ def cost_words(cost: Estimate, model: str) -> str:
         )
     elif cost.seconds is not None and what.n_to_ask:
         lines.append(f"about {cost.seconds / 60:.1f} minutes, by the pace measured here")
+    lines += [cut_off_words(what.n_cut_off, model)] if what.n_cut_off else []
     lines += [f"a process with the model in it takes {cost.memory}"] if cost.memory else []
     return "\n".join(lines)
 

@@ -11,6 +11,7 @@ from vqa_state.assessing import Assessment, assessment
 from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import print_json, print_table
 from vqa_state.frontier import thinned
+from vqa_state.models.address import DEFAULT_MAX_TOKENS, MOST_MAX_TOKENS
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.searches import Results
@@ -23,6 +24,7 @@ __all__ = [
     "Folder",
     "Incomplete",
     "Json",
+    "MaxTokens",
     "Seed",
     "app",
     "count_look",
@@ -58,6 +60,15 @@ Incomplete = Annotated[
 ]
 Seed = Annotated[
     int | None, typer.Option(min=0, max=2**32 - 1, help="Of the search; kept in the project.")
+]
+MaxTokens = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        max=MOST_MAX_TOKENS,
+        help="Most tokens of an answer, of a chat model or a server; kept with the model. "
+        f"{DEFAULT_MAX_TOKENS} at first; other answers are needed after a change.",
+    ),
 ]
 
 

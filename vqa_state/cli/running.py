@@ -11,7 +11,17 @@ from vqa_state.asking import AskProgress, ask, plan
 from vqa_state.assessing import assess
 from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
 from vqa_state.cli.looking import cost_record, cost_words, look_first
-from vqa_state.cli.options import Folder, Incomplete, Json, Seed, app, found_results, show, tell
+from vqa_state.cli.options import (
+    Folder,
+    Incomplete,
+    Json,
+    MaxTokens,
+    Seed,
+    app,
+    found_results,
+    show,
+    tell,
+)
 from vqa_state.cli.terminal import (
     asked_sentence,
     interruptible,
@@ -22,6 +32,7 @@ from vqa_state.cli.terminal import (
 )
 from vqa_state.errors import NothingToSearchError
 from vqa_state.models.address import Source
+from vqa_state.models.length_limit import with_max_tokens
 from vqa_state.pace import estimate, keep_pace
 from vqa_state.project import Project
 from vqa_state.scores import ObjectiveWeights
@@ -35,6 +46,7 @@ from vqa_state.tuning import optimize
 def ask_command(
     folder: Folder,
     model: Annotated[str | None, typer.Option(help="Name or address of the model; kept.")] = None,
+    max_tokens: MaxTokens = None,
     copies: Annotated[
         int | None, typer.Option(min=1, max=MAX_COPIES, help="Shifted copies of each image; kept.")
     ] = None,
@@ -56,14 +68,14 @@ def ask_command(
     project.augmentation = Augmentation(
         augmentation or old.kind, amount or old.amount, copies or old.n_copies
     )
-    project.model = models.choose(model) if model else project.model
+    project.model = _chosen(project, model, max_tokens)
     if cost:
         what = estimate(project, models.create(project.model).fingerprint)
         tell(as_json, cost_record(what), cost_words(what, project.model))
         return
     with interruptible() as stop:
         progress = _ask(project, stop)
-    tell(as_json, _asked(progress), asked_sentence(progress))
+    tell(as_json, _asked(progress), asked_sentence(progress, project.model))
     _exit_unless(not progress.stopped and not progress.n_failed)
 
 
@@ -114,6 +126,7 @@ def optimize_command(
 def tune(
     folder: Folder,
     model: Annotated[str | None, typer.Option(help="Name or address of the model; kept.")] = None,
+    max_tokens: MaxTokens = None,
     seed: Seed = None,
     engine: Annotated[
         Engine | None, typer.Option(help="How to search: default or paper; kept.")
@@ -126,11 +139,10 @@ def tune(
     Where the model did not give all answers, it ends after asking, unless --incomplete is given;
     run it again, and only what is missing is asked.
     """
-    chosen = models.choose(model) if model else None
     project = Project.open(folder)
+    project.model = _chosen(project, model, max_tokens)
     with project.changing():
         project.assign_splits()
-    project.model = chosen or project.model
     project.search_seed = project.search_seed if seed is None else seed
     project.engine = engine or project.engine
     with interruptible() as stop:  # one for all stages: a stop between two of them counts
@@ -147,7 +159,7 @@ def _stages(project: Project, stop: Callable[[], bool], *, incomplete: bool) -> 
         MissingAnswersError: if answers are missing, and are not to be done without.
     """
     progress = _ask(project, stop)
-    say(asked_sentence(progress))
+    say(asked_sentence(progress, project.model))
     if stop():
         if not progress.stopped:
             say("stopped by you before the search; the answers are kept")
@@ -211,6 +223,12 @@ def _assess(project: Project, stop: Callable[[], bool]) -> bool:
     return found is not None and found.finished
 
 
+def _chosen(project: Project, model: str | None, max_tokens: int | None) -> str:
+    """The name of the model to ask: as given now, and else as the project has it."""
+    name = models.choose(model) if model else project.model
+    return name if max_tokens is None else with_max_tokens(name, max_tokens)
+
+
 def _ask(project: Project, stop: Callable[[], bool]) -> AskProgress:
     vqa_model = models.create(project.model)
     project.fingerprint = vqa_model.fingerprint
@@ -257,6 +275,7 @@ def _asked(progress: AskProgress) -> dict[str, object]:
         "n_asked": progress.n_asked,
         "n_stored": progress.n_stored,
         "n_failed": progress.n_failed,
+        "n_cut_off": progress.n_cut_off,
         "seconds": progress.seconds,
         "stopped": progress.stopped,
     }

@@ -26,6 +26,7 @@ from vqa_state.asking import AskPlan, AskProgress
 from vqa_state.assessing import Assessment, AssessProgress
 from vqa_state.checking import CheckProgress, ModelCheck
 from vqa_state.models.hub import DownloadProgress
+from vqa_state.models.length_limit import cut_off_words
 from vqa_state.tuning import OptimizeProgress
 from vqa_state.verdict import Verdict
 
@@ -91,6 +92,7 @@ def show_asking(reports: Iterator[AskProgress]) -> AskProgress:
         for last in reports:
             note = f"{last.n_stored:,} from the store" if last.n_stored else ""
             note += f" · {last.n_failed:,} failed" if last.n_failed else ""
+            note += f" · {last.n_cut_off:,} cut off" if last.n_cut_off else ""
             if last.seconds_left is not None:  # by calls paid for, not by those from the store
                 note += f" · about {last.seconds_left:.0f} s left"
             done = last.n_calls - last.n_left
@@ -149,14 +151,16 @@ def show_assessing(reports: Iterator[AssessProgress]) -> Assessment | None:
     return found
 
 
-def asked_sentence(progress: AskProgress) -> str:
-    """How asking ended."""
+def asked_sentence(progress: AskProgress, model: str = "") -> str:
+    """How asking the model of this name ended."""
     words = (
         f"{progress.n_asked:,} of {progress.n_calls:,} answers asked in {progress.seconds:.1f} s, "
         f"{progress.n_stored:,} from the store"
     )
     if progress.n_failed:
         words += f"; {progress.n_failed:,} failed ({progress.last_failure}): run it again for these"
+    if progress.n_cut_off:
+        words += f"; {cut_off_words(progress.n_cut_off, model)}"
     return words + ("; stopped by you" if progress.stopped else "")
 
 
@@ -167,7 +171,7 @@ def plan_record(plan: AskPlan) -> dict[str, Any]:
 
 def verdict_record(verdict: Verdict) -> dict[str, Any]:
     """A verdict as JSON, without the single votes."""
-    record = asdict(verdict)
+    record = asdict(verdict) | {"n_cut_off": verdict.n_cut_off}
     del record["votes"]
     return record
 

@@ -11,7 +11,16 @@ from vqa_state import models, report
 from vqa_state.asking import AskProgress
 from vqa_state.assessing import assessment
 from vqa_state.cli.looking import look_first
-from vqa_state.cli.options import Folder, Json, app, count_look, found_results, show, tell
+from vqa_state.cli.options import (
+    Folder,
+    Json,
+    MaxTokens,
+    app,
+    count_look,
+    found_results,
+    show,
+    tell,
+)
 from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import (
     interruptible,
@@ -26,6 +35,7 @@ from vqa_state.exporting import recognizer_with
 from vqa_state.files import write_atomically
 from vqa_state.making_recognizers import unchosen_recognizer
 from vqa_state.models.base import VQAModel
+from vqa_state.models.length_limit import cut_off_words, with_max_tokens
 from vqa_state.pace import read_pace
 from vqa_state.project import Project
 from vqa_state.rechecking import Rechecked, recheck
@@ -68,7 +78,8 @@ def report_command(
         write_atomically(html, report_page(project, found, assessed, table).encode())
     if not as_json:
         shown = questions.sort_values(["accuracy", "question"], ascending=[False, True])
-        shown = shown[["question", "accuracy", "invalid"]].round(3)
+        cut_off = ["cut_off"] if shown["cut_off"].any() else []
+        shown = shown[["question", "accuracy", "invalid", *cut_off]].round(3)
         print_table(shown, "Questions, on the training images")
     show(folder, as_json)
 
@@ -175,6 +186,7 @@ def recognize(
     code 1 if there was one, 3 if a verdict is unknown.
     """
     recognizers = [Recognizer.load(path) for path in (file, *(also or []))]
+    _say_cautions(recognizers)
     loaded = _loaded(recognizers, model)
     records: list[dict[str, object]] = []
     states = set()
@@ -197,6 +209,12 @@ def recognize(
         raise typer.Exit(1)
     if State.UNKNOWN in states:
         raise typer.Exit(3)
+
+
+def _say_cautions(recognizers: Sequence[Recognizer]) -> None:
+    for recognizer in recognizers:
+        if recognizer.caution:
+            say(recognizer.caution)
 
 
 def _loaded(recognizers: Sequence[Recognizer], model: str | None) -> dict[str, VQAModel]:
@@ -231,6 +249,7 @@ def recheck_command(
     folder: Folder,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recognizer's JSON.")],
     model: Annotated[str, typer.Option(help="Name or address of the other model.")],
+    max_tokens: MaxTokens = None,
     as_json: Json = False,
 ) -> None:
     """Ask a recognizer's questions on another model about this project's images: what is lost?
@@ -239,7 +258,10 @@ def recheck_command(
     model: tune PROJECT --model MODEL.
     """
     project, recognizer = Project.open(folder), Recognizer.load(file)
-    other = models.create(models.choose(model))
+    _say_cautions([recognizer])
+    name = models.choose(model)
+    name = name if max_tokens is None else with_max_tokens(name, max_tokens)
+    other = models.create(name)
     with interruptible() as stop:
         look_first(other, stop)
         found = _rechecked(recheck(recognizer, project, other, stop))
@@ -249,7 +271,7 @@ def recheck_command(
     if any(side.split is Split.TEST and side.n_images for side in found.sides):
         count_look(folder)
     lines = [side.sentence for side in found.sides] + ([found.says] if found.says else [])
-    lines.append(f"To optimize again for it: python -m vqa_state tune {folder} --model '{model}'")
+    lines.append(f"To optimize again for it: python -m vqa_state tune {folder} --model '{name}'")
     tell(as_json, asdict(found), "\n".join(lines))
 
 
@@ -268,11 +290,17 @@ def _rechecked(steps: Iterator[AskProgress | Rechecked]) -> Rechecked | None:
     return found[0] if found else None
 
 
+def _cut_off(verdict: Verdict, recognizer: Recognizer) -> str:
+    if not verdict.n_cut_off:
+        return ""
+    return f"; {cut_off_words(verdict.n_cut_off, recognizer.model.name)}"
+
+
 def _sentence(image: str, recognizer: Recognizer, verdict: Verdict) -> str:
     return (
         f"{image}: {verdict.state_name} ({verdict.reason}; {verdict.n_positive} for "
         f"{recognizer.states.positive}, {verdict.n_negative} for {recognizer.states.negative}, "
-        f"{verdict.n_invalid} invalid; {verdict.n_calls} calls"
+        f"{verdict.n_invalid} invalid{_cut_off(verdict, recognizer)}; {verdict.n_calls} calls"
         f"{f' ({verdict.n_skipped} saved)' if verdict.n_skipped else ''}, "
         f"{verdict.milliseconds:.0f} ms)"
     )

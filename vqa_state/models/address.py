@@ -5,8 +5,8 @@
     server:http://127.0.0.1:8000/v1#NAME      an OpenAI-compatible server and a model that it serves
 
 After a "?" come settings that change answers, as in a web address: `?precision=bfloat16`,
-`?device=cpu`, `?prompt=Look%20closely.%20%7Bquestion%7D`. What is not set is chosen by the machine
-that runs it.
+`?device=cpu`, `?prompt=Look%20closely.%20%7Bquestion%7D`, `?max_tokens=64`.
+What is not set is chosen by the machine that runs it.
 """
 
 import re
@@ -17,10 +17,23 @@ from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from vqa_state.errors import ModelError
 
-__all__ = ["MAX_ADDRESS", "Device", "ModelAddress", "Precision", "Source"]
+__all__ = [
+    "DEFAULT_MAX_TOKENS",
+    "MAX_ADDRESS",
+    "MOST_MAX_TOKENS",
+    "Device",
+    "ModelAddress",
+    "Precision",
+    "Source",
+]
 
 #: Characters of an address.
 MAX_ADDRESS = 4000
+
+#: Most tokens of an answer, unless the address says another number: "Yes, the door is open." has
+#: seven. And the largest such number.
+DEFAULT_MAX_TOKENS = 8
+MOST_MAX_TOKENS = 4096
 
 #: As the hub has it: no "." or "-" at an end, none of the two twice, and no name of a git folder.
 _HUB_NAME = re.compile(
@@ -28,7 +41,7 @@ _HUB_NAME = re.compile(
     re.ASCII,
 )
 _REVISION = re.compile(r"\w[\w.-]{0,99}")
-_SETTINGS = ("device", "precision", "prompt")
+_SETTINGS = ("device", "precision", "prompt", "max_tokens")
 
 
 class Source(StrEnum):
@@ -68,6 +81,7 @@ class ModelAddress:
         revision: of a hub model, "" for the one on this disk or the newest.
         device, precision: of a local model.
         prompt: a template with "{question}" instead of the family's own, or "".
+        max_tokens: most tokens of an answer, of a chat model or a served one.
 
     Raises:
         ModelError: if a part cannot be used.
@@ -80,6 +94,7 @@ class ModelAddress:
     device: Device = Device.AUTO
     precision: Precision = Precision.AUTO
     prompt: str = ""
+    max_tokens: int = DEFAULT_MAX_TOKENS
 
     def __post_init__(self) -> None:
         if self.source is Source.HUB and not _HUB_NAME.fullmatch(self.where):
@@ -97,6 +112,8 @@ class ModelAddress:
             raise ModelError(
                 f"the prompt {self.prompt!r} must hold {{question}} once, where the question goes"
             )
+        if not 1 <= self.max_tokens <= MOST_MAX_TOKENS:
+            raise ModelError(_not_a_limit(self.max_tokens))
         try:
             length = len(str(self))
         except UnicodeEncodeError as error:
@@ -111,6 +128,8 @@ class ModelAddress:
         text += f"@{self.revision}" if self.revision else ""
         values = {"device": self.device, "precision": self.precision, "prompt": self.prompt}
         chosen = {name: str(value) for name, value in values.items() if value not in ("", "auto")}
+        if self.max_tokens != DEFAULT_MAX_TOKENS:
+            chosen["max_tokens"] = str(self.max_tokens)
         text += f"?{urlencode(chosen, quote_via=quote)}" if chosen else ""
         return text + (f"#{quote(self.model, safe='/:')}" if self.model else "")
 
@@ -151,6 +170,7 @@ class ModelAddress:
             _choice(Device, settings.get("device", "auto")),
             _choice(Precision, settings.get("precision", "auto")),
             settings.get("prompt", ""),
+            _limit(settings.get("max_tokens", str(DEFAULT_MAX_TOKENS))),
         )
 
 
@@ -169,6 +189,19 @@ def _choice(kind: type[_Kind], text: str) -> _Kind:
     except ValueError as error:
         allowed = ", ".join(kind)
         raise ModelError(f"{text!r} is no {kind.__name__.lower()}; allowed: {allowed}") from error
+
+
+def _limit(text: str) -> int:
+    if not re.fullmatch(r"[0-9]{1,9}", text):
+        raise ModelError(_not_a_limit(text))
+    return int(text)
+
+
+def _not_a_limit(given: int | str) -> str:
+    return (
+        f"the most tokens of an answer, max_tokens, must be a whole number from 1 to "
+        f"{MOST_MAX_TOKENS}, got {given!r}; {DEFAULT_MAX_TOKENS} is the default"
+    )
 
 
 def _shown(part: str, marks: str, whole: str = "") -> str:

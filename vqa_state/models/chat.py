@@ -13,11 +13,12 @@ from PIL.Image import Image
 
 from vqa_state.answers import Answer
 from vqa_state.errors import ModelError
+from vqa_state.models.address import DEFAULT_MAX_TOKENS
 from vqa_state.models.base import Failure, Reply
 from vqa_state.models.chat_asking import ChatAsker, Outcome
 from vqa_state.models.chat_check import check_prefix
 from vqa_state.models.chat_loading import load_chat
-from vqa_state.models.chat_prefix import N_TOKENS, Said
+from vqa_state.models.chat_prefix import Said
 from vqa_state.models.chat_prompt import ChatPrompt
 from vqa_state.models.prompts import prompt_for
 from vqa_state.models.runtime import Runtime, folder_digest
@@ -35,7 +36,14 @@ _DEVICES = {"cpu": "processor", "cuda": "graphics card"}
 class ChatModel:
     """Answers as `generate(do_sample=False)` of transformers would; may be shared by threads."""
 
-    def __init__(self, folder: Path, name: str, runtime: Runtime, prompt: str = "") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        runtime: Runtime,
+        prompt: str = "",
+        max_tokens: int = DEFAULT_MAX_TOKENS,
+    ) -> None:
         """Load a model and try whether its fast way gives what the slow one gives.
 
         Args:
@@ -43,6 +51,7 @@ class ChatModel:
             name: the model's address.
             runtime: what it runs on, in what numbers.
             prompt: a template with "{question}" once, or "" for the family's own.
+            max_tokens: most tokens of an answer.
 
         Raises:
             MissingPackageError: if a package that it needs is not installed.
@@ -60,13 +69,13 @@ class ChatModel:
         self.name = name
         self._fingerprint = (
             f"chat {_VERSION}; files {digest}; {runtime}; prompt {template!r}; "
-            f"greedy, {N_TOKENS} tokens; transformers {release}"
+            f"greedy, {max_tokens} tokens; transformers {release}"
         )
         self._notes = tuple(_notes(runtime, check.slow_because))
         self._precision = runtime.precision
         self._tokenizer = processor.tokenizer
         self._yes_no = yes_no_tokens(processor.tokenizer)
-        self._asker = ChatAsker(model, writer, runtime, check)
+        self._asker = ChatAsker(model, writer, runtime, check, max_tokens)
 
     @property
     def fingerprint(self) -> str:
@@ -107,7 +116,7 @@ class ChatModel:
         p_yes = self._yes_no.p_yes(said.logits[None])[0]
         if p_yes is not None and p_yes != p_yes:
             return Failure(f"the model's numbers overflow in {self._precision}; use float32")
-        return Answer(text, p_yes)
+        return Answer(text, p_yes, said.at_limit)
 
 
 def _notes(runtime: Runtime, slow_because: str) -> Iterator[str]:

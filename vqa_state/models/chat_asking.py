@@ -8,11 +8,11 @@ from typing import Any
 
 from PIL.Image import Image
 
+from vqa_state.models.address import DEFAULT_MAX_TOKENS
 from vqa_state.models.base import Failure
 from vqa_state.models.batching import BatchSize
 from vqa_state.models.chat_check import Check
 from vqa_state.models.chat_prefix import (
-    N_TOKENS,
     Prefix,
     Said,
     generate_plain,
@@ -51,7 +51,9 @@ class ChatAsker:
     A prefix or the answers to one chunk of questions hold the model at a time.
     """
 
-    def __init__(self, model: Any, prompt: ChatPrompt, runtime: Runtime, check: Check) -> None:
+    def __init__(
+        self, model: Any, prompt: ChatPrompt, runtime: Runtime, check: Check, max_tokens: int
+    ) -> None:
         """Keep what belongs together.
 
         Args:
@@ -59,6 +61,7 @@ class ChatAsker:
             prompt: its own.
             runtime: that it was loaded for.
             check: which ways are open.
+            max_tokens: of an answer.
         """
         self._model = model
         self._prompt = prompt
@@ -67,6 +70,7 @@ class ChatAsker:
         self._n_behind = check.n_behind
         self._batch = BatchSize(runtime) if check.joins else BatchSize(runtime, largest=1)
         self._turns = Turns([model])
+        self._max_tokens = max_tokens
         text = model.config.get_text_config()
         self._limit: int | None = getattr(text, "max_position_embeddings", None)
 
@@ -112,7 +116,7 @@ class ChatAsker:
             if failure := self._refused(inputs["input_ids"][0].tolist(), seen):
                 return failure
             with self._turns.take():
-                return generate_plain(self._model, on_device(self._model, inputs))
+                return generate_plain(self._model, on_device(self._model, inputs), self._max_tokens)
         except _REFUSALS as error:
             return failure_of(error)
 
@@ -175,7 +179,7 @@ class ChatAsker:
         try:
             with self._turns.take():
                 inputs = on_device(self._model, self._prompt.inputs(seen, ids))
-                return generate_plain(self._model, inputs)
+                return generate_plain(self._model, inputs, self._max_tokens)
         except _REFUSALS as error:
             return failure_of(error)
 
@@ -186,7 +190,7 @@ class ChatAsker:
         try:
             with self._turns.take():
                 places, ids = [row.place for row in rows], [row.ids for row in rows]
-                said = generate_suffixes(self._model, prefix, places, ids)
+                said = generate_suffixes(self._model, prefix, places, ids, self._max_tokens)
         except _REFUSALS as error:
             problem = error.with_traceback(None)
         if problem is None:
@@ -200,12 +204,23 @@ class ChatAsker:
     def _refused(self, ids: Sequence[int], seen: SeenImage) -> Failure | None:
         if seen.head and self._prompt.image_token in ids[len(seen.head) + 1 :]:
             return Failure("the question holds a word that the model takes for an image; reword it")
-        if self._limit is not None and len(ids) + N_TOKENS > self._limit:
-            return Failure(
-                f"image and question have {len(ids)} tokens, the model reads "
-                f"{self._limit - N_TOKENS}; shorten the question or make the image smaller"
-            )
+        if self._limit is not None and len(ids) + self._max_tokens > self._limit:
+            return Failure(self._too_long(len(ids), self._limit - self._max_tokens))
         return None
+
+    def _too_long(self, n_ids: int, n_read: int) -> str:
+        if n_read <= 0:
+            return (
+                f"the model reads {self._limit} tokens, answer included, and the answer may have "
+                f"{self._max_tokens}; lower --max-tokens"
+            )
+        words = (
+            f"image and question have {n_ids} tokens, the model reads {n_read}; shorten the "
+            "question or make the image smaller"
+        )
+        if self._max_tokens == DEFAULT_MAX_TOKENS:
+            return words
+        return f"{words}, or lower --max-tokens, {self._max_tokens} now"
 
 
 def _all_fail(

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from vqa_state.models.address import DEFAULT_MAX_TOKENS
+
 __all__ = [
     "N_TOKENS",
     "Prefix",
@@ -22,8 +24,8 @@ __all__ = [
     "read_prefix",
 ]
 
-#: Most tokens of an answer: "Yes, the door is open." has seven.
-N_TOKENS = 8
+#: Most tokens of an answer, unless the model's address says otherwise.
+N_TOKENS = DEFAULT_MAX_TOKENS
 
 #: Most questions that go through the model together, and most bytes of their copied prefixes.
 _MAX_ROWS = 32
@@ -32,10 +34,17 @@ _MAX_COPIED = 2**30
 
 @dataclass(frozen=True, eq=False)
 class Said:
-    """One answer: its tokens without the end's, and the logits of its first step, (n_tokens,)."""
+    """One answer.
+
+    Attributes:
+        tokens: its tokens without the end's.
+        logits: (n_tokens,), of its first step.
+        at_limit: the length limit came before its end.
+    """
 
     tokens: tuple[int, ...]
     logits: Any
+    at_limit: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,12 +166,12 @@ def generate_suffixes(
         past_key_values=_rows_of(prefix.cache, chosen),
         **_answering(n_tokens),
     )
-    return _said(model, made)
+    return _said(model, made, n_tokens)
 
 
 def generate_plain(model: Any, inputs: dict[str, Any], n_tokens: int = N_TOKENS) -> Said:
     """Answer one question the slow way, from the model's whole inputs."""
-    return _said(model, model.generate(**inputs, **_answering(n_tokens)))[0]
+    return _said(model, model.generate(**inputs, **_answering(n_tokens)), n_tokens)[0]
 
 
 #: The folder's own settings stay, for example a penalty on repetition, but chance and beams do not.
@@ -178,12 +187,16 @@ def _answering(n_tokens: int) -> dict[str, Any]:
     }
 
 
-def _said(model: Any, made: Any) -> list[Said]:
+def _said(model: Any, made: Any, n_tokens: int) -> list[Said]:
     ends = model.generation_config.eos_token_id
     ends = set(ends if isinstance(ends, list) else [ends])
     rows = made.sequences[:, -len(made.logits) :].tolist()
     first = made.logits[0].float().cpu()  # (n_rows, n_tokens)
-    return [Said(_until_end(row, ends), logits) for row, logits in zip(rows, first, strict=True)]
+    said = [_until_end(row, ends) for row in rows]
+    return [
+        Said(tokens, logits, len(tokens) == n_tokens)
+        for tokens, logits in zip(said, first, strict=True)
+    ]
 
 
 def _until_end(row: list[int], ends: set[int | None]) -> tuple[int, ...]:

@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 
 from vqa_state.errors import ModelError
-from vqa_state.models.address import ModelAddress, Source
+from vqa_state.models.address import DEFAULT_MAX_TOKENS, ModelAddress, Source
 from vqa_state.models.base import VQAModel
 from vqa_state.models.families import Family, family_of, missing_weights
 from vqa_state.models.hub import cached_folder
@@ -16,7 +16,7 @@ from vqa_state.models.torch_loading import loading
 
 __all__ = ["folder_of", "open_model"]
 
-#: Family -> module and class; all take (folder, name, runtime, prompt).
+#: Family -> module and class; all take (folder, name, runtime, prompt), chat models max_tokens.
 _CLASSES = {
     Family.BLIP: ("vqa_state.models.blip", "BlipModel"),
     Family.VILT: ("vqa_state.models.vilt", "ViltModel"),
@@ -37,19 +37,43 @@ def open_model(address: ModelAddress) -> VQAModel:
         if address.source is Source.SERVER:
             server = import_module("vqa_state.models.server")
             return server.ServerModel(  # type: ignore[no-any-return]
-                address.where, address.model, name, address.prompt
+                address.where,
+                address.model,
+                name,
+                address.prompt,
+                max_tokens=address.max_tokens,
             )
         folder = folder_of(address)
         runtime = choose_runtime(address.device, address.precision)
-        module, kind = _CLASSES[_usable(folder)]
+        family = _usable(folder)
+        module, kind = _CLASSES[family]
+        own = _of_family(address, family)
         with _without_bars(), loading(folder, name):
-            made = getattr(import_module(module), kind)(folder, name, runtime, address.prompt)
+            made = getattr(import_module(module), kind)(
+                folder, name, runtime, address.prompt, **own
+            )
     except ImportError as error:
         fault = import_fault(name, error)
         if fault is None:
             raise  # our own mistake, not a missing package
         raise fault from error
     return made  # type: ignore[no-any-return]
+
+
+def _of_family(address: ModelAddress, family: Family) -> dict[str, int]:
+    """Arguments that only a model of this family takes.
+
+    Raises:
+        ModelError: if the address sets what the family does not have.
+    """
+    if family is Family.CHAT:
+        return {"max_tokens": address.max_tokens}
+    if address.max_tokens != DEFAULT_MAX_TOKENS:
+        raise ModelError(
+            f"max_tokens is of chat models and servers; a model of the family {family.value} has "
+            f"its own length of answers: leave it out, or give {DEFAULT_MAX_TOKENS}"
+        )
+    return {}
 
 
 @contextmanager

@@ -11,11 +11,12 @@ from collections.abc import Callable, Iterator, Sequence
 from PIL import Image
 
 from vqa_state.errors import ModelError
+from vqa_state.models.address import DEFAULT_MAX_TOKENS
 from vqa_state.models.api_keys import ApiKey, key_for, plain_text
 from vqa_state.models.base import Reply
 from vqa_state.models.loop_thread import LoopThread
 from vqa_state.models.server_asking import MAX_SIDE, MIN_SIDE, Asking
-from vqa_state.models.server_calls import MAX_TOKENS, CallBudget, Caller
+from vqa_state.models.server_calls import CallBudget, Caller
 from vqa_state.models.server_client import open_client
 from vqa_state.models.server_faults import (
     Fault,
@@ -59,6 +60,7 @@ class ServerModel:
         name: str,
         prompt: str = "",
         *,
+        max_tokens: int = DEFAULT_MAX_TOKENS,
         budget: CallBudget = CallBudget(),  # noqa: B008 - frozen
     ) -> None:
         """Check all that can be checked without asking the server.
@@ -68,6 +70,7 @@ class ServerModel:
             model: the name under which it serves the model.
             name: the address that makes this model again.
             prompt: a text with "{question}" once, or "" for `DEFAULT_PROMPT`.
+            max_tokens: most tokens of an answer.
             budget: what asking may cost in tries and time.
 
         Raises:
@@ -85,16 +88,16 @@ class ServerModel:
             raise ModelError(
                 f"the prompt {prompt!r} must hold {{question}} once, where the question goes"
             )
-        self._model, self._budget = model, budget
+        self._model, self._budget, self._max_tokens = model, budget, max_tokens
         self._key = key_for(self._url)
-        self._caller = Caller(self._url, model, self._key, budget)
+        self._caller = Caller(self._url, model, self._key, budget, max_tokens)
 
     @property
     def fingerprint(self) -> str:
         """Our version, the server, the model's name, the prompt, decoding, how images are sent."""
         return (
             f"server {_VERSION}; {self._url}; {self._model}; prompt {self._prompt!r}; "
-            f"temperature 0, {MAX_TOKENS} tokens; PNG, sides {MIN_SIDE} to {MAX_SIDE} px"
+            f"temperature 0, {self._max_tokens} tokens; PNG, sides {MIN_SIDE} to {MAX_SIDE} px"
         )
 
     @property

@@ -13,6 +13,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from vqa_state.answers import Answer
+from vqa_state.models.address import DEFAULT_MAX_TOKENS
 from vqa_state.models.api_keys import ApiKey
 from vqa_state.models.server_doubt import Doubt
 from vqa_state.models.server_faults import (
@@ -29,10 +30,7 @@ from vqa_state.models.server_url import ServerURL
 if TYPE_CHECKING:
     from openai import AsyncOpenAI
 
-__all__ = ["MAX_TOKENS", "CallBudget", "Caller"]
-
-#: Enough for "Yes." with some words around it.
-MAX_TOKENS = 8
+__all__ = ["CallBudget", "Caller"]
 
 #: Seconds for which a server can ask not to be asked, at most; one may err, or mock.
 _LONGEST_CLOSED = 86_400.0
@@ -81,9 +79,9 @@ class _Dialect:
     limit: str = "max_tokens"
     logprobs: bool = True
 
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self, max_tokens: int) -> dict[str, Any]:
         extra = {"logprobs": True, "top_logprobs": 20} if self.logprobs else {}
-        return {self.limit: MAX_TOKENS, **extra}
+        return {self.limit: max_tokens, **extra}
 
     def other(self, fault: Fault, known: bool) -> "_Dialect | None":
         """What to try instead after the server did not accept a question."""
@@ -102,10 +100,18 @@ class Caller:
         doubt: whether it answers at all.
     """
 
-    def __init__(self, url: ServerURL, model: str, key: ApiKey | None, budget: CallBudget) -> None:
+    def __init__(
+        self,
+        url: ServerURL,
+        model: str,
+        key: ApiKey | None,
+        budget: CallBudget,
+        max_tokens: int = DEFAULT_MAX_TOKENS,
+    ) -> None:
         self.pace = Pace(budget.max_parallel)
         self.doubt = Doubt()
         self._url, self._model, self._key, self._budget = url, model, key, budget
+        self._max_tokens = max_tokens
         self._retries_left = budget.run_retries
         self._dialect, self._is_dialect_known = _Dialect(), False
         self._closed_until, self._closing = float("-inf"), self._silence()
@@ -176,7 +182,7 @@ class Caller:
             "model": self._model,
             "messages": [{"role": "user", "content": content}],
             "temperature": 0,
-            **dialect.parameters(),
+            **dialect.parameters(self._max_tokens),
         }
         try:
             async with asyncio.timeout(self._budget.deadline_seconds):
@@ -191,7 +197,7 @@ class Caller:
         except openai.APIConnectionError as error:
             return connection_fault(error, self._url)
         reply = response.content.decode("utf-8", "replace")
-        return read_reply(reply, self._url, self._key, self._model)
+        return read_reply(reply, self._url, self._key, self._model, self._max_tokens)
 
     def _learn(self, dialect: _Dialect) -> None:
         self._dialect, self._is_dialect_known = dialect, True

@@ -5,14 +5,20 @@ import math
 from typing import Any
 
 from vqa_state.answers import Answer
+from vqa_state.models.address import DEFAULT_MAX_TOKENS
 from vqa_state.models.api_keys import ApiKey, without_keys
 from vqa_state.models.server_faults import Fault, Reach, body_fault, not_understood
 from vqa_state.models.server_url import ServerURL
 
 __all__ = ["model_names", "p_yes", "read_reply"]
 
-#: Characters of an answer that are kept, from a server that ignores how many were asked for.
+#: Characters of an answer that are kept, from a server that ignores how many were asked for: at
+#: least so many, and so many for every token that was asked for.
 _LONGEST = 2000
+_LONGEST_TOKEN = 32
+
+#: Why an answer ended, where the length limit ended it; servers have several words for it.
+_AT_LIMIT = frozenset({"length", "max_tokens", "max_output_tokens", "max_completion_tokens"})
 
 #: Marks of a space before a word, in tokens that a server did not turn into text.
 _SPACES = " \t\n▁Ġ"
@@ -22,15 +28,23 @@ _UNSEEN = 0.02
 
 
 def read_reply(
-    body: str, url: ServerURL, key: ApiKey | None = None, model: str = ""
+    body: str,
+    url: ServerURL,
+    key: ApiKey | None = None,
+    model: str = "",
+    max_tokens: int = DEFAULT_MAX_TOKENS,
 ) -> Answer | Fault:
     """The answer in a body of chat completions, or what is wrong with it.
+
+    An empty text that the length limit ended is an answer, of a model that thinks first: asking
+    again would bring the same.
 
     Args:
         body: as it came.
         url: for the sentences.
         key: that the server was sent; should it say it, the answer that is stored does not.
         model: that was asked, for the sentences.
+        max_tokens: that were asked for.
     """
     content = _object(body)
     if content is None:
@@ -41,10 +55,12 @@ def read_reply(
         return body_fault(choice or content, url, model, key)
     message = choice.get("message")
     text = _text(message.get("content")) if isinstance(message, dict) else ""
-    if not text.strip():
+    at_limit = str(choice.get("finish_reason")).lower() in _AT_LIMIT
+    if not text.strip() and not (at_limit and _refusal(choice) is None):
         return Fault(_about_nothing(url, choice, key), Reach.ANSWER)
     said = text if key is None else text.replace(key.reveal(), "[key]")
-    return Answer(said[:_LONGEST], p_yes(choice.get("logprobs"), text))
+    longest = max(_LONGEST, _LONGEST_TOKEN * max_tokens)
+    return Answer(said[:longest], p_yes(choice.get("logprobs"), text), at_limit)
 
 
 def p_yes(logprobs: Any, text: str) -> float | None:
@@ -111,18 +127,18 @@ def _text(content: Any) -> str:
 
 
 def _about_nothing(url: ServerURL, choice: dict[str, Any], key: ApiKey | None) -> str:
-    message = choice.get("message")
-    refusal = message.get("refusal") if isinstance(message, dict) else None
-    if isinstance(refusal, str) and refusal.strip():
+    refusal = _refusal(choice)
+    if refusal is not None:
         return f"the model refused to answer ({without_keys(refusal, key)}; {url})"
     if choice.get("finish_reason") == "content_filter":
         return f"the server's filter held the answer back ({url})"
-    if choice.get("finish_reason") == "length":
-        return (
-            f"the server gave an empty answer ({url}); it thinks before it answers and had no "
-            "words left: turn its thinking off, or use a model without"
-        )
     return f"the server gave an empty answer ({url})"
+
+
+def _refusal(choice: dict[str, Any]) -> str | None:
+    message = choice.get("message")
+    refusal = message.get("refusal") if isinstance(message, dict) else None
+    return refusal if isinstance(refusal, str) and refusal.strip() else None
 
 
 def _begins(text: str, token: str) -> bool:

@@ -95,7 +95,8 @@ def replies_until(
 
 
 def sight_of(said: Sequence[Said]) -> Sight:
-    """The finding, by what was said about each probe."""
+    """The finding, by what was said about each probe; what was cut off before yes or no is not."""
+    said = [{pair: one for pair, one in probe.items() if not one.cut_off} for probe in said]
     noise = _differences(said, _POSITIVE, _AGAIN)
     states = _differences(said, _POSITIVE, _NEGATIVE)
     others = states + [one for p in (0, 1) for one in _differences(said, p, _BLANK)]

@@ -73,9 +73,10 @@ def _cell(cells: pd.DataFrame, column: str) -> Value | None:
 
 
 def _scores(question: "pd.Series[Any]") -> Value:
-    accuracy, invalid = question["accuracy"], question["invalid"]
+    accuracy, invalid, cut_off = question["accuracy"], question["invalid"], question["cut_off"]
     return {
         "question": question["question"],
         "accuracy": None if pd.isna(accuracy) else float(accuracy),
         "invalid": 0.0 if pd.isna(invalid) else float(invalid),
+        "cut_off": 0.0 if pd.isna(cut_off) else float(cut_off),
     }

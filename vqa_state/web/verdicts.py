@@ -12,7 +12,7 @@ from vqa_state.verdict import Verdict
 from vqa_state.web import checks
 from vqa_state.web.desk import Desk
 from vqa_state.web.taken import Taken, taken_recognizer
-from vqa_state.web.views import counted
+from vqa_state.web.views import counted, raw_words
 
 __all__ = ["of_picture", "verdict_value"]
 
@@ -45,7 +45,7 @@ def verdict_value(recognizer: Recognizer, verdict: Verdict) -> dict[str, Any]:
     """A verdict as the widget wants it."""
     said: dict[str, Counter[str]] = {}
     for vote in verdict.votes:
-        said.setdefault(vote.question, Counter())[vote.answer.text] += 1
+        said.setdefault(vote.question, Counter())[raw_words(vote.answer.text, vote.cut_off)] += 1
     return {
         "state": verdict.state,
         "state_name": verdict.state_name,

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from vqa_state.answers import CUT_OFF
 from vqa_state.labelling import Suggestion
 from vqa_state.project import LabelledImage, Project, StateNames
 from vqa_state.questions import BuiltGrid, Form, Question
@@ -18,6 +19,7 @@ __all__ = [
     "images_value",
     "note",
     "questions_value",
+    "raw_words",
     "unfolding",
 ]
 
@@ -97,7 +99,7 @@ def _card(project: Project, image_id: str, answers: Sequence[ImageAnswer]) -> Va
     votes = [sum(answer.speaks_for == side for answer in answers) for side in (1, -1, 0)]
     said: dict[str, Counter[str]] = {}
     for answer in answers:
-        said.setdefault(answer.question, Counter())[answer.text] += 1
+        said.setdefault(answer.question, Counter())[raw_words(answer.text, answer.cut_off)] += 1
     return {
         "image": image_id,
         "title": image.name,
@@ -108,9 +110,15 @@ def _card(project: Project, image_id: str, answers: Sequence[ImageAnswer]) -> Va
     }
 
 
+def raw_words(text: str, cut_off: bool) -> str:
+    """A raw answer as it is shown; one that was cut off before yes or no says so."""
+    shown = text or "(empty)"
+    return f"{shown} – {CUT_OFF}" if cut_off else shown
+
+
 def counted(texts: Counter[str]) -> str:
     """Raw answers with how often each was given: "yes × 4 · no × 2"."""
-    return " · ".join(f"{text or '(empty)'} × {n}" for text, n in texts.most_common())
+    return " · ".join(f"{text} × {n}" for text, n in texts.most_common())
 
 
 def _group(question: Question, states: StateNames) -> str:

@@ -1,18 +1,19 @@
 // One cell a question: how often its valid answers are right on the training images, and how many
-// answers were invalid. Own questions stand in a table of their own, with the state that "yes"
+// answers were invalid, and how many of these the length limit cut off. Own questions stand in a table of their own, with the state that "yes"
 // means. Click or Enter picks a question; arrow keys walk.
-// Value: {columns: [text], rows: [{title, cells: [{question, accuracy, invalid} or null]}],
+// Value: {columns: [text], rows: [{title, cells: [{question, accuracy, invalid, cut_off} or null]}],
 // own: [{title, yes, cell}], picked}.
 
 const root = $('.hm'), [grid, ownTable] = element.querySelectorAll('table');
 
 function cell(content) {
   if (content === null) return el('td', {className: 'hm-none'});
-  const {question, accuracy, invalid} = content;
+  const {question, accuracy, invalid, cut_off: cutOff} = content;
   const spoken = `${question} ${accuracy === null ? 'no valid answer' : `${percent(accuracy)} % right`},`
-    + ` ${percent(invalid)} % invalid`;
+    + ` ${percent(invalid)} % invalid${cutOff ? `, ${percent(cutOff)} % cut off` : ''}`;
+  const small = cutOff ? `${percent(invalid)} % invalid · ${percent(cutOff)} % cut off` : `${percent(invalid)} % invalid`;
   const button = el('button', {type: 'button', title: spoken, 'aria-label': spoken, tabIndex: -1, data: {question}},
-    el('b', {}, percent(accuracy)), el('small', {}, invalid ? `${percent(invalid)} % invalid` : ' '));
+    el('b', {}, percent(accuracy)), el('small', {}, invalid ? small : ' '));
   button.addEventListener('click', () => pick(button));
   const node = el('td', {className: invalid > 0.2 ? 'hm-invalid' : ''}, button);
   node.style.setProperty('--share', accuracy === null ? 0.5 : Math.max(0, (accuracy - 0.5) * 2));

@@ -6,12 +6,13 @@ from typing import Any
 
 import gradio as gr
 
-from vqa_state.asking import AskProgress, ask, plan
+from vqa_state.asking import AskPlan, AskProgress, ask, plan
 from vqa_state.augment import Augmentation, AugmentationKind
 from vqa_state.checking import CheckProgress
 from vqa_state.errors import ModelError, NothingToSearchError, ProjectError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.models.address import ModelAddress
+from vqa_state.models.length_limit import cut_off_sentence
 from vqa_state.pace import Estimate, estimate, keep_pace
 from vqa_state.web import checks, road, watching, widgets
 from vqa_state.web.desk import Desk
@@ -113,9 +114,16 @@ def costs(desk: Desk, pid: str, chosen: Any = None) -> Any:
         f"= {what.n_calls:,} calls"
     )
     if not what.n_to_ask:
-        return note(f"{product}; all of them are answered.", "good")
+        return _answered(f"{product}; all of them are answered.", what, name)
     asked = f"{what.n_stored:,} are answered, {what.n_to_ask:,} are to be asked."
-    return note("\n".join([f"{product}; {asked}", *_takes(cost, name)]))
+    cut_off = [cut_off_sentence(what.n_cut_off, name)] if what.n_cut_off else []
+    return note("\n".join([f"{product}; {asked}", *cut_off, *_takes(cost, name)]))
+
+
+def _answered(words: str, what: AskPlan, name: str) -> Any:
+    if not what.n_cut_off:
+        return note(words, "good")
+    return note(f"{words}\n{cut_off_sentence(what.n_cut_off, name)}", "warn")
 
 
 def _takes(cost: Estimate, name: str) -> list[str]:
@@ -182,7 +190,9 @@ def asking(desk: Desk, pid: str, name: str) -> Work:
 
 def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, Any, Any]:
     """Progress with what is to be known of the model, start and stop."""
-    shown = note("") if _is_outdated(desk, pid, snapshot) else _progress(snapshot)
+    shown = note("")
+    if not _is_outdated(desk, pid, snapshot):
+        shown = _progress(snapshot, desk.snapshot(pid).model)
     return with_told(shown, desk.telling(pid, KIND)), *watching.buttons(snapshot)
 
 
@@ -194,7 +204,7 @@ def _is_outdated(desk: Desk, pid: str, snapshot: Snapshot | None) -> bool:
     return costs is None or costs.n_to_ask > 0
 
 
-def _progress(snapshot: Snapshot | None) -> Any:
+def _progress(snapshot: Snapshot | None, name: str) -> Any:
     early = watching.before_reports(snapshot, "Loading the model…")
     if snapshot is None or early is not None:
         return early
@@ -209,6 +219,8 @@ def _progress(snapshot: Snapshot | None) -> Any:
     )
     if report.n_failed:
         lines.append(f"{report.n_failed:,} failed; the last one: {report.last_failure}")
+    if report.n_cut_off:
+        lines.append(cut_off_sentence(report.n_cut_off, name))
     share = answered / report.n_calls if report.n_calls else 1.0
     return note("\n".join(lines), _tone(snapshot.state, report), share)
 
@@ -226,4 +238,5 @@ def _headline(state: JobState, report: AskProgress) -> str:
 def _tone(state: JobState, report: AskProgress) -> str:
     if state.alive:
         return "plain"
-    return "good" if state is JobState.DONE and not report.n_failed else "warn"
+    is_well = state is JobState.DONE and not report.n_failed and not report.n_cut_off
+    return "good" if is_well else "warn"

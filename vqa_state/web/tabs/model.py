@@ -10,9 +10,16 @@ from vqa_state import models
 from vqa_state.checking import CheckProgress, check_model
 from vqa_state.errors import ModelError, VQAStateError
 from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
-from vqa_state.models.address import Device, ModelAddress, Precision, Source
+from vqa_state.models.address import (
+    DEFAULT_MAX_TOKENS,
+    Device,
+    ModelAddress,
+    Precision,
+    Source,
+)
 from vqa_state.models.approval import check_approved, is_approved
 from vqa_state.models.hub import download
+from vqa_state.models.length_limit import FIELD
 from vqa_state.models.standing import Standing, convert, standing
 from vqa_state.web import checks, watching, widgets
 from vqa_state.web.desk import Desk
@@ -45,6 +52,7 @@ class Parts:
     device: gr.Dropdown
     precision: gr.Dropdown
     prompt: gr.Textbox
+    max_tokens: gr.Number
 
 
 def build() -> Parts:
@@ -65,7 +73,9 @@ def build() -> Parts:
         look = gr.Button("Check: does it see?", elem_id="model-check", scale=0, min_width=210)
         stop = gr.Button("Stop", elem_id="model-stop", visible=False, scale=0)
     progress = widgets.note("model-progress")
-    with gr.Accordion("Advanced: how a local model runs, and its prompt", open=False):
+    with gr.Accordion(
+        "Advanced: how a local model runs, its prompt, and the length of answers", open=False
+    ):
         gr.Markdown("All of this can change answers, so other choices need other answers.")
         with gr.Row(equal_height=True):
             device = gr.Dropdown([one.value for one in Device], label="Device")
@@ -76,8 +86,13 @@ def build() -> Parts:
             info="with {question} where the question goes; empty: the model family's own",
             elem_id="model-prompt",
         )
+        max_tokens = gr.Number(
+            label=FIELD, value=DEFAULT_MAX_TOKENS, step=1,
+            info="of a chat model or a server; a model that thinks first needs hundreds",
+            elem_id="model-max-tokens",
+        )  # fmt: skip
     offered = (shown, allow, bring, old, offers, look, stop, progress)
-    return Parts(model, *offered, device, precision, prompt)
+    return Parts(model, *offered, device, precision, prompt, max_tokens)
 
 
 def wire(parts: Parts, page: Page) -> list[Any]:
@@ -85,9 +100,10 @@ def wire(parts: Parts, page: Page) -> list[Any]:
     told = [parts.about, parts.allow, parts.download, parts.convert, parts.offers]
     shown = [parts.progress, parts.check, parts.stop]
     follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
-    settings = [parts.device, parts.precision, parts.prompt]
+    settings = [parts.device, parts.precision, parts.prompt, parts.max_tokens]
     picked = page.on(parts.model.change, pick, [parts.model], [*told, *settings])
-    for field in (parts.device.input, parts.precision.input, parts.prompt.blur):
+    fields = (parts.device.input, parts.precision.input, parts.prompt.blur)
+    for field in (*fields, parts.max_tokens.blur, parts.max_tokens.submit):
         page.on(field, adjust, [parts.model, *settings], [parts.model])
     page.on(parts.allow.click, allow, [parts.model], told)
     page.on(parts.offers.click, list_offers, [parts.model], [parts.about, parts.model])
@@ -108,13 +124,16 @@ def pick(desk: Desk, pid: str, model: Any) -> Any:
     """What to show of a model that was picked or typed, and its settings."""
     name = checks.text(model, "the model")
     address = _address(name)
-    settings: tuple[Any, ...] = (Device.AUTO.value, Precision.AUTO.value, "")
+    settings: tuple[Any, ...] = (Device.AUTO.value, Precision.AUTO.value, "", DEFAULT_MAX_TOKENS)
     if address is not None:
-        settings = (address.device.value, address.precision.value, address.prompt)
+        runs_on = (address.device.value, address.precision.value)
+        settings = (*runs_on, address.prompt, address.max_tokens)
     return *about(desk, pid, name), *settings
 
 
-def adjust(_desk: Desk, _pid: str, model: Any, device: Any, precision: Any, prompt: Any) -> Any:
+def adjust(
+    _desk: Desk, _pid: str, model: Any, device: Any, precision: Any, prompt: Any, max_tokens: Any
+) -> Any:
     """The address with other settings."""
     name = checks.text(model, "the model")
     address = _address(name)
@@ -128,6 +147,7 @@ def adjust(_desk: Desk, _pid: str, model: Any, device: Any, precision: Any, prom
         checks.choice(device, Device, "the device"),
         checks.choice(precision, Precision, "the precision"),
         checks.text(prompt, "the prompt").strip(),
+        checks.integer(max_tokens, FIELD),
     )
     return str(changed)
 
