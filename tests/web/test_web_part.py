@@ -78,7 +78,7 @@ def test_it_says_what_is_missing_and_what_can_be_done(desk: Desk, part: str) -> 
     assert f"{answers.train.lacks}. Ask the model for them on the tab Ask" in said
     button, offered = partly.show(desk, part)
     assert (shown(button), offered) == (True, answers.part)
-    assert button.value == f"Optimize on {answers.part} training images"
+    assert button.value == f"Optimize on {answers.part} images"
     assert answers.train.lacks in results.show(desk, part, "", "")[0]["text"]
 
 

@@ -29,7 +29,7 @@ class Parts:
 def build() -> Parts:
     """Draw it beside the button that searches on all images."""
     start = gr.Button(
-        "Optimize on a part", visible=False, elem_id="optimize-part", scale=0, min_width=330
+        "Optimize on a part", visible=False, elem_id="optimize-part", scale=0, min_width=280
     )
     return Parts(start, gr.Textbox(visible=False))
 
@@ -39,7 +39,7 @@ def show(desk: Desk, pid: str) -> tuple[Any, str]:
     answers = answers_of(desk.snapshot(pid))
     if answers is None or not answers.part_is_searchable:
         return gr.Button(visible=False), ""
-    words = f"Optimize on {answers.part} training images"
+    words = f"Optimize on {answers.part} images"
     return gr.Button(words, visible=True), answers.part
 
 
