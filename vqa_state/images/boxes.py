@@ -60,7 +60,7 @@ def open_avif(data: bytes) -> Opened:
 
     image = AvifImageFile(spliced(_without_notes(data)))
     orientation = orientation_of(info_bytes(image.info, "exif"))
-    return Opened(Kind.AVIF, image.size, image.size, at_once(image), orientation, _ends_early(data))
+    return Opened(Kind.AVIF, image.size, image.size, at_once(image), orientation)
 
 
 def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]]:

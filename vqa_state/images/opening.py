@@ -1,20 +1,18 @@
 """From bytes to a header that was read: which kind of file it is, by its first bytes."""
 
-import struct
-
 from PIL.BmpImagePlugin import BmpImageFile
 from PIL.WebPImagePlugin import WebPImageFile
 
 from vqa_state.errors import ImageError
-from vqa_state.images.boxes import is_avif, open_avif, open_heif
-from vqa_state.images.jpeg import open_jpeg
+from vqa_state.images.boxes import boxes_end_early, is_avif, open_avif, open_heif
+from vqa_state.images.jpeg import jpeg_ends_early, open_jpeg
 from vqa_state.images.limits import Kind
-from vqa_state.images.opened import CutOffError, Opened, at_once, info_bytes
+from vqa_state.images.opened import Opened, at_once, info_bytes
 from vqa_state.images.orientation import orientation_of
-from vqa_state.images.png import open_png
+from vqa_state.images.png import open_png, png_ends_early
 from vqa_state.images.spliced import spliced
 
-__all__ = ["open_picture"]
+__all__ = ["ends_early", "open_picture"]
 
 _READ = "JPEG, PNG, WebP, BMP, HEIC or AVIF"
 _UNREAD = {
@@ -51,10 +49,20 @@ def open_picture(data: bytes) -> Opened:
     raise _unread(data)
 
 
+def ends_early(data: bytes) -> bool:
+    """Whether a file that cannot be decoded ends before its picture does, by its own account."""
+    if data.startswith(b"\xff\xd8\xff"):
+        return jpeg_ends_early(data)
+    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+        return png_ends_early(data)
+    if data[:4] == b"RIFF":
+        return int.from_bytes(data[4:8], "little") + 8 > len(data)
+    if data.startswith(b"BM"):
+        return int.from_bytes(data[2:6], "little") > len(data)
+    return data[4:8] == b"ftyp" and boxes_end_early(data)
+
+
 def _open_webp(data: bytes) -> Opened:
-    (length,) = struct.unpack_from("<L", data, 4)
-    if length + 8 > len(data):
-        raise CutOffError
     image = WebPImageFile(spliced([data]))
     orientation = orientation_of(info_bytes(image.info, "exif"), info_bytes(image.info, "xmp"))
     return Opened(Kind.WEBP, image.size, image.size, at_once(image), orientation)

@@ -11,7 +11,7 @@ from vqa_state.errors import ImageError
 from vqa_state.images import limits
 from vqa_state.images.converting import to_rgb
 from vqa_state.images.opened import CutOffError, Opened, info_bytes
-from vqa_state.images.opening import open_picture
+from vqa_state.images.opening import ends_early, open_picture
 from vqa_state.images.orientation import UPRIGHT, orientation_of, turned
 
 __all__ = ["Picture", "check_side", "read_file", "read_picture", "reading", "rgb_pixels"]
@@ -58,7 +58,7 @@ def reading(data: bytes) -> Iterator[Picture]:
     opened = _opened(data)
     limits.check_pixels(opened.kind, *opened.size)
     with limits.taking_turns(opened.kind, opened.decoded_size[0] * opened.decoded_size[1]):
-        yield Picture(_decoded(opened), opened.kind.value.suffix)
+        yield Picture(_decoded(opened, data), opened.kind.value.suffix)
 
 
 def check_side(data: bytes) -> None:
@@ -101,7 +101,7 @@ def rgb_pixels(given: Image.Image) -> Image.Image:
     Raises:
         ImageError: if the picture was not decoded yet, and cannot be.
     """
-    with _decoders_faults(cut_off=False):
+    with _decoders_faults(b""):
         given.load()
         return turned(to_rgb(given), _orientation(given))
 
@@ -115,30 +115,30 @@ def _orientation(given: Image.Image) -> int:
 
 
 def _opened(data: bytes) -> Opened:
-    with _decoders_faults(cut_off=False):
+    with _decoders_faults(data):
         return open_picture(data)
 
 
-def _decoded(opened: Opened) -> Image.Image:
-    with _decoders_faults(opened.cut_off):
+def _decoded(opened: Opened, data: bytes) -> Image.Image:
+    with _decoders_faults(data):
         pixels = to_rgb(opened.decode())
     return turned(pixels, opened.orientation)
 
 
 @contextmanager
-def _decoders_faults(cut_off: bool) -> Iterator[None]:
+def _decoders_faults(data: bytes) -> Iterator[None]:
     """The outer edge towards other people's decoders: each of their errors is an `ImageError`.
 
     They raise what their authors thought of: OSError, SyntaxError, ValueError, KeyError, EOFError,
-    struct.error, zlib.error, AssertionError, RuntimeError, UnicodeDecodeError, ZeroDivisionError and
-    others, and where warnings are errors, those. One file of many shall not end the work.
+    struct.error, zlib.error, AssertionError, RuntimeError, UnicodeDecodeError, ZeroDivisionError
+    and others, and where warnings are errors, those. One file of many shall not end the work.
     """
     try:
         yield
     except ImageError:
         raise
     except Exception as error:
-        if cut_off or isinstance(error, CutOffError) or "truncated" in str(error).lower():
+        if isinstance(error, CutOffError) or ends_early(data):
             raise ImageError(_CUT_OFF) from error
         raise ImageError(
             f"the picture is damaged, or made in a way that is not read ({type(error).__name__}: "
