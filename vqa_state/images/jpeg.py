@@ -122,7 +122,9 @@ def _drawn(parts: _Segments, halved: bool, tail: bytes) -> Image.Image:
 
 
 def _stream(parts: _Segments, tail: bytes) -> IO[bytes]:
-    scans = b"" if parts.scans is None else parts.scans
+    scans = memoryview(b"") if parts.scans is None else parts.scans
+    if tail and bytes(scans[-1:]) == b"\xff":  # half of an end marker
+        scans = scans[:-1]
     return spliced([*parts.head, scans, tail])
 
 

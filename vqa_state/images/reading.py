@@ -121,7 +121,10 @@ def _opened(data: bytes) -> Opened:
 
 def _decoded(opened: Opened, data: bytes) -> Image.Image:
     with _decoders_faults(data):
-        pixels = to_rgb(opened.decode())
+        decoded = opened.decode()
+        pixels = to_rgb(decoded)
+        if pixels is not decoded:
+            decoded.close()  # `opened` still has it, and turning takes as much again
     return turned(pixels, opened.orientation)
 
 
