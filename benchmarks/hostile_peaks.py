@@ -20,6 +20,7 @@ import pillow_heif
 from PIL import Image
 
 from vqa_state.augment import Augmentation, AugmentationKind, late_copies
+from vqa_state.embedded.pixels import to_square
 from vqa_state.images import Kind, pixel_hash, read_picture, reading
 from vqa_state.images.limits import most_pixels
 from vqa_state.project import Project, StateNames
@@ -160,8 +161,8 @@ def _copy(kind: AugmentationKind) -> Callable[[bytes], None]:
         """Read it, and look at its copies one by one, as a model does."""
         with reading(data) as picture:
             augmentation = Augmentation(kind, 0.1, 2)
-            for copy in late_copies(picture.pixels, pixel_hash(picture.pixels), augmentation, 0):
-                copy.resize((224, 224))
+            hashed = pixel_hash(picture.pixels)
+            list(map(to_square, late_copies(picture.pixels, hashed, augmentation, 0)))
 
     return work
 
@@ -177,7 +178,7 @@ PEAKS: dict[str, tuple[Make, Work]] = {
     "four PNG at once": (lambda: png(6, 8, 4), _four_at_once),
     "JPEG of 256 million": (lambda: jpeg(16_000, 16_000), _read),
     "JPEG of 64 million": (lambda: jpeg(8000, 8000), _read),
-    "JPEG of 200 million, 100 MB, added": (lambda: jpeg(16_320, 12_240, detail=70), _add),
+    "JPEG of 200 million, 100 MB, added": (lambda: jpeg(16_320, 12_240, detail=40), _add),
     "JPEG of 64 million, its shifted copies": (
         lambda: jpeg(8000, 8000),
         _copy(AugmentationKind.RGB_SHIFT),

@@ -59,6 +59,9 @@ class MadeLate(Sequence[Image.Image]):
     def __len__(self) -> int:
         return len(self._makers)
 
+    def __iter__(self) -> Iterator[Image.Image]:
+        return (make() for make in self._makers)  # keeps none of them, as `Sequence` would
+
     @overload
     def __getitem__(self, place: int) -> Image.Image: ...
     @overload

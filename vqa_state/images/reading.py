@@ -141,7 +141,8 @@ def _decoders_faults(data: bytes) -> Iterator[None]:
     except ImageError:
         raise
     except Exception as error:
-        if isinstance(error, CutOffError) or ends_early(data):
+        says_so = isinstance(error, CutOffError) or "end of file" in str(error)  # libheif
+        if says_so or ends_early(data):
             raise ImageError(_CUT_OFF) from error
         raise ImageError(
             f"the picture is damaged, or made in a way that is not read ({type(error).__name__}: "
