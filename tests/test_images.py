@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from pictures import draw, encode, picture
 from PIL import Image
 
-from vqa_state import images
 from vqa_state.errors import ImageError
 from vqa_state.images import (
     Picture,
     content_hash,
+    limits,
     perceptual_hash,
     pixel_hash,
     read_picture,
@@ -168,7 +168,7 @@ SVG = b'<?xml version="1.0"?><svg xmlns="http://www.w3.org/2000/svg"><rect/></sv
     ids=["empty", "text", "longer", "svg", "pdf", "jpeg-start", "riff", "gif", "tiff", "ppm"],
 )
 def test_what_is_no_picture_is_refused(data):
-    with pytest.raises(ImageError, match=r"use JPEG, PNG, WebP, BMP or HEIC|damaged"):
+    with pytest.raises(ImageError, match=r"(use|as) JPEG, PNG, WebP, BMP, HEIC or AVIF|cut off"):
         read_picture(data)
 
 
@@ -184,7 +184,7 @@ FILES = {
 
 @pytest.mark.parametrize("kind", FILES)
 def test_a_file_cut_in_half_is_refused(kind):
-    with pytest.raises(ImageError, match=r"damaged|cannot be read"):
+    with pytest.raises(ImageError, match="cut off"):
         read_picture(FILES[kind][: len(FILES[kind]) // 2])
 
 
@@ -249,9 +249,9 @@ def test_the_huge_picture_is_a_real_one():
 
 
 def test_the_limit_of_pixels_itself_is_allowed(monkeypatch):
-    monkeypatch.setattr(images, "MAX_PIXELS", 32 * 24)
+    monkeypatch.setattr(limits, "MAX_PIXELS", 32 * 24)
     assert read_picture(picture(1)).pixels.size == (32, 24)
-    monkeypatch.setattr(images, "MAX_PIXELS", 32 * 24 - 1)
+    monkeypatch.setattr(limits, "MAX_PIXELS", 32 * 24 - 1)
     for data in (picture(1), heic(draw(1))):
         with pytest.raises(ImageError, match="32 × 24 pixels"):
             read_picture(data)
@@ -259,9 +259,9 @@ def test_the_limit_of_pixels_itself_is_allowed(monkeypatch):
 
 def test_too_many_bytes_are_refused(monkeypatch):
     data = picture(1)
-    monkeypatch.setattr(images, "MAX_BYTES", len(data))
+    monkeypatch.setattr(limits, "MAX_BYTES", len(data))
     read_picture(data)
-    monkeypatch.setattr(images, "MAX_BYTES", len(data) - 1)
+    monkeypatch.setattr(limits, "MAX_BYTES", len(data) - 1)
     with pytest.raises(ImageError, match=r"more than 0 MB.*save it smaller"):
         read_picture(data)
 

@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pictures import picture
 
-from vqa_state import images, importing
+from vqa_state import importing
 from vqa_state.errors import ImageError, ProjectError
+from vqa_state.images import limits
 from vqa_state.importing import add_files, add_folder, add_zip
 from vqa_state.project import Project, StateNames
 from vqa_state.splits import Split
@@ -324,7 +325,7 @@ def test_mutated_zips_end_nothing(tmp_path_factory, data, changes):
 
 def test_a_bomb_is_read_up_to_the_limit_only(empty, monkeypatch):
     monkeypatch.setattr(importing, "MAX_BYTES", 100_000)
-    monkeypatch.setattr(images, "MAX_BYTES", 100_000)
+    monkeypatch.setattr(limits, "MAX_BYTES", 100_000)
     bomb = zipped(("bomb.png", bytes(50_000_000)), ("1.png", picture(1)))
     assert len(bomb) < 60_000
     tracemalloc.start()
@@ -340,7 +341,7 @@ def test_a_bomb_is_read_up_to_the_limit_only(empty, monkeypatch):
 
 def test_a_lying_size_does_not_help_a_bomb(empty, monkeypatch):
     monkeypatch.setattr(importing, "MAX_BYTES", 100_000)
-    monkeypatch.setattr(images, "MAX_BYTES", 100_000)
+    monkeypatch.setattr(limits, "MAX_BYTES", 100_000)
     content = bytes(50_000_000)
     data = zipped(("bomb.png", content))
     for lie in (10, 2**32 - 2):
@@ -370,7 +371,7 @@ def test_too_many_entries_are_left(empty, monkeypatch):
 
 def test_a_file_over_the_limit_is_not_read_whole(tmp_path, empty, monkeypatch):
     monkeypatch.setattr(importing, "MAX_BYTES", 100_000)
-    monkeypatch.setattr(images, "MAX_BYTES", 100_000)
+    monkeypatch.setattr(limits, "MAX_BYTES", 100_000)
     big = tmp_path / "big.png"
     with big.open("wb") as file:
         file.truncate(10**12)  # a hole: it takes no space on the disk

@@ -9,13 +9,14 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from filelock import FileLock, Timeout
 from PIL import Image
 
 from vqa_state.answers import MISSING, Answer, AnswerTable
-from vqa_state.augment import Augmentation, AugmentationKind, copy_of
+from vqa_state.augment import Augmentation, AugmentationKind, MadeLate, copy_of
 from vqa_state.errors import ImageError, ModelError, NothingToSearchError, ProjectError
 from vqa_state.images import pixel_hash, read_picture
 from vqa_state.models.base import Failure, Interruptible, Reply, VQAModel
@@ -340,7 +341,7 @@ def _sort_in(reply: Reply, bite: _Bite, key: CopyKey, question: str) -> None:
         bite.answers.append((key, question, reply.outcome))
 
 
-def _copies(project: Project, jobs: Sequence[_Job]) -> list[Image.Image]:
+def _copies(project: Project, jobs: Sequence[_Job]) -> MadeLate:
     """Made from the keys under which the answers go: the project may change meanwhile."""
     image = jobs[0].image
     pixels = read_picture(project.read(image)).pixels
@@ -348,13 +349,9 @@ def _copies(project: Project, jobs: Sequence[_Job]) -> list[Image.Image]:
         raise ImageError(
             f"{image.name} is decoded differently here than where it was added; add it again"
         )
-    return [
-        copy_of(
-            pixels,
-            key.pixel_hash,
-            Augmentation(AugmentationKind(key.kind), key.amount),
-            key.seed,
-            key.number,
-        )
-        for key in (job.key for job in jobs)
-    ]
+    return MadeLate([partial(_copy, pixels, job.key) for job in jobs])
+
+
+def _copy(pixels: Image.Image, key: CopyKey) -> Image.Image:
+    kind = Augmentation(AugmentationKind(key.kind), key.amount)
+    return copy_of(pixels, key.pixel_hash, kind, key.seed, key.number)

@@ -5,16 +5,19 @@ number and the channel, so neither order nor machine nor a search's own seed cha
 """
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cache
+from functools import cache, partial
+from typing import overload
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-__all__ = ["Augmentation", "AugmentationKind", "copies"]
+from vqa_state.images.converting import strips
+
+__all__ = ["Augmentation", "AugmentationKind", "MadeLate", "copies", "late_copies"]
 
 MAX_COPIES = 100
 
@@ -47,12 +50,41 @@ class Augmentation:
             raise ValueError(f"the copies must be 1 to {MAX_COPIES}, got {self.n_copies}")
 
 
+class MadeLate(Sequence[Image.Image]):
+    """Pictures made when they are looked at, each time anew: a large one is not held six times."""
+
+    def __init__(self, makers: Sequence[Callable[[], Image.Image]]) -> None:
+        self._makers = makers
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+    def __iter__(self) -> Iterator[Image.Image]:
+        return (make() for make in self._makers)  # keeps none of them, as `Sequence` would
+
+    @overload
+    def __getitem__(self, place: int) -> Image.Image: ...
+    @overload
+    def __getitem__(self, place: slice) -> "MadeLate": ...
+    def __getitem__(self, place: int | slice) -> "Image.Image | MadeLate":
+        if isinstance(place, slice):
+            return MadeLate(self._makers[place])
+        return self._makers[place]()
+
+
 def copies(
     pixels: Image.Image, pixel_hash: str, augmentation: Augmentation, seed: int
 ) -> Iterator[Image.Image]:
-    """All copies of an RGB image, made one by one so that a large one is not held six times."""
-    for number in range(augmentation.n_copies):
-        yield copy_of(pixels, pixel_hash, augmentation, seed, number)
+    """All copies of an RGB image, one after the other."""
+    yield from late_copies(pixels, pixel_hash, augmentation, seed)
+
+
+def late_copies(
+    pixels: Image.Image, pixel_hash: str, augmentation: Augmentation, seed: int
+) -> MadeLate:
+    """All copies of an RGB image, each made when it is looked at."""
+    numbers = range(augmentation.n_copies)
+    return MadeLate([partial(copy_of, pixels, pixel_hash, augmentation, seed, n) for n in numbers])
 
 
 def copy_of(
@@ -83,13 +115,18 @@ def _gaussian_noise(
     pixels: Image.Image, pixel_hash: str, amount: float, seed: int, number: int
 ) -> Image.Image:
     """NumPy promises the bits of Philox for ever, but not those of `normal`: so a table of it."""
-    values = np.asarray(pixels)
     key = int.from_bytes(_digest(seed, pixel_hash, number, "noise")[:16], "big")
-    words = np.random.Philox(key=key).random_raw(-(-values.size // 4))
-    draws = words.astype("<u8").view("<u2")[: values.size].reshape(values.shape)
+    generator = np.random.Philox(key=key)
     steps = np.floor(_normal_quantiles() * 255 * amount + 0.5).astype(np.int16)
-    noise = steps[draws]  # (height, width, 3), at most ±1100
-    return Image.fromarray((values + noise).clip(0, 255).astype(np.uint8))
+    noisy, left = Image.new("RGB", pixels.size), np.empty(0, np.uint16)
+    for box in strips(pixels.size):
+        values = np.asarray(pixels.crop(box))  # (rows, width, 3)
+        words = generator.random_raw(max(0, -(-(values.size - left.size) // 4)))
+        draws = np.concatenate([left, words.astype("<u8").view("<u2")])
+        noise = steps[draws[: values.size].reshape(values.shape)]  # at most ±1100
+        left = draws[values.size :]
+        noisy.paste(Image.fromarray((values + noise).clip(0, 255).astype(np.uint8)), box[:2])
+    return noisy
 
 
 @cache

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL.Image import Image
 
-from vqa_state.augment import copies
+from vqa_state.augment import late_copies
 from vqa_state.errors import ImageError
 from vqa_state.files import write_atomically
 from vqa_state.images import read_picture
@@ -100,7 +100,7 @@ def _stored(project: Project, image: LabelledImage, featurizer: Featurizer) -> N
     found = _read(path, shape)
     if found is None:
         pixels = read_picture(project.read(image)).pixels
-        shifted = list(copies(pixels, image.pixel_hash, project.augmentation, project.seed))
+        shifted = late_copies(pixels, image.pixel_hash, project.augmentation, project.seed)
         found = np.stack(list(featurizer(shifted))).astype(np.float32)
         data = io.BytesIO()
         np.save(data, found, allow_pickle=False)

@@ -15,7 +15,7 @@ from typing import Final
 from vqa_state.augment import Augmentation
 from vqa_state.errors import ConflictError, ImageError, ProjectError
 from vqa_state.files import PROJECT_FILE, write_atomically
-from vqa_state.images import content_hash, perceptual_hash, pixel_hash, read_picture, thumbnail
+from vqa_state.images import content_hash, perceptual_hash, pixel_hash, reading, thumbnail
 from vqa_state.leftovers import Journal, has_leftovers, remove_leftovers, remove_pictures
 from vqa_state.locks import locked
 from vqa_state.merging import merge
@@ -251,21 +251,22 @@ class Project:
             return Added(self.images[image_id], is_new=False)
         if len(self.images) >= MAX_IMAGES:
             raise ImageError(f"the project has {MAX_IMAGES:,} images, the most that it can hold")
-        picture = read_picture(data)
-        image = LabelledImage(
-            id=image_id,
-            pixel_hash=pixel_hash(picture.pixels),
-            looks=perceptual_hash(picture.pixels),
-            suffix=picture.suffix,  # type: ignore[arg-type]  # read_picture gives these five
-            name=_shown(name),
-        )
+        with reading(data) as picture:
+            image = LabelledImage(
+                id=image_id,
+                pixel_hash=pixel_hash(picture.pixels),
+                looks=perceptual_hash(picture.pixels),
+                suffix=picture.suffix,  # type: ignore[arg-type]  # reading gives these six
+                name=_shown(name),
+            )
+            small = thumbnail(picture.pixels)
         self._journal.note([_file_name(image)])
         try:
             write_atomically(self.image_path(image), data)
         except ProjectError:
             self._journal.forget(_file_name(image))
             raise
-        write_atomically(self._thumbnail_path(image), thumbnail(picture.pixels))
+        write_atomically(self._thumbnail_path(image), small)
         self.images[image_id] = image
         self._removed.pop(image_id, None)
         self.set_labels([image_id], label)
@@ -368,7 +369,9 @@ class Project:
         image = self._image(image_id)
         path = self._thumbnail_path(image)
         if path.is_symlink() or not path.exists():  # a link could show any file of this machine
-            write_atomically(path, thumbnail(read_picture(self.read(image)).pixels))
+            with reading(self.read(image)) as picture:
+                small = thumbnail(picture.pixels)
+            write_atomically(path, small)
         return path.read_bytes()
 
     def read(self, image: LabelledImage) -> bytes:

@@ -88,7 +88,7 @@ class LabelledImage:
     id: _Hash
     pixel_hash: _Hash
     looks: Annotated[str, Field(pattern="^[0-9a-f]{16}$")]
-    suffix: Literal["jpg", "png", "webp", "bmp", "heic"]
+    suffix: Literal["jpg", "png", "webp", "bmp", "heic", "avif"]
     name: Annotated[str, Field(max_length=200)]
     label: Literal[-1, 1] | None = None
     split: Split | None = None

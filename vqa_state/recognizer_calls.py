@@ -6,7 +6,7 @@ from pathlib import Path
 from PIL import Image
 
 from vqa_state.answers import Answer
-from vqa_state.augment import Augmentation, copies
+from vqa_state.augment import Augmentation, late_copies
 from vqa_state.errors import ModelError
 from vqa_state.images import pixel_hash, read_file, read_picture, rgb_pixels
 from vqa_state.models.base import Failure, VQAModel
@@ -26,10 +26,10 @@ def picture_pixels(image: str | Path | bytes | Image.Image) -> Image.Image:
     return read_picture(image if isinstance(image, bytes) else read_file(Path(image))).pixels
 
 
-def shifted(pixels: Image.Image, shifts: Copies) -> list[Image.Image]:
+def shifted(pixels: Image.Image, shifts: Copies) -> Sequence[Image.Image]:
     """The copies that the questions are asked about."""
     kind = Augmentation(shifts.kind, shifts.amount, shifts.n_copies)
-    return list(copies(pixels, pixel_hash(pixels), kind, shifts.seed))
+    return late_copies(pixels, pixel_hash(pixels), kind, shifts.seed)
 
 
 def ask_all(

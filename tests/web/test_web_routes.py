@@ -181,6 +181,24 @@ def test_pictures_come_with_their_type(client: TestClient, pid: str, image_id: s
     assert content_hash(whole.content) == image_id
 
 
+@pytest.mark.parametrize("kind", ["heic", "avif"])
+def test_what_browsers_cannot_show_is_shown_as_webp(
+    client: TestClient, desk: Desk, pid: str, kind: str
+) -> None:
+    pixels, out = draw(7, (64, 48)), io.BytesIO()
+    if kind == "heic":
+        pillow_heif.from_pillow(pixels).save(out, quality=90)
+    else:
+        pixels.save(out, "AVIF")
+    with desk.changing(pid) as project:
+        added = project.add(out.getvalue(), "phone").image
+    assert added.suffix == kind
+    reply = client.get(f"/projects/{pid}/images/{added.id}")
+    assert reply.headers["content-type"] == "image/webp"
+    shown = Image.open(io.BytesIO(reply.content))
+    assert (shown.format, shown.size) == ("WEBP", (64, 48))
+
+
 @pytest.mark.parametrize("kind", ["thumbs", "images"])
 @pytest.mark.parametrize(
     "image",

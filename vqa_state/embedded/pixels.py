@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from vqa_state.embedded.trunk import INPUT_SIZE
+from vqa_state.images.converting import as_rgb
 
 __all__ = ["normalise", "to_square"]
 
@@ -14,7 +15,7 @@ def to_square(image: Image.Image) -> NDArray[np.uint8]:
     if image.has_transparency_data:
         rgba = image.convert("RGBA")
         image = Image.alpha_composite(Image.new("RGBA", rgba.size, "white"), rgba)
-    small = image.convert("RGB").resize(
+    small = as_rgb(image).resize(
         (INPUT_SIZE, INPUT_SIZE), Image.Resampling.BILINEAR, reducing_gap=3.0
     )
     return np.asarray(small, np.uint8)

@@ -56,7 +56,7 @@ class PooledFeatures:
         from vqa_state.embedded.pixels import normalise, to_square
 
         for start in range(0, len(images), _BATCH):
-            squares = np.stack([to_square(image) for image in images[start : start + _BATCH]])
+            squares = np.stack(list(map(to_square, images[start : start + _BATCH])))
             pixels = torch.from_numpy(normalise(squares))
             with torch.inference_mode():
                 tokens = self._trunk(pixels.contiguous(memory_format=torch.channels_last))

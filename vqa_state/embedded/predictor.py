@@ -85,7 +85,7 @@ class Predictor:
         An answer is a text and P(yes) / (P(yes) + P(no)). Give at most `MAX_IMAGES` at once: more
         take more memory and no less time.
         """
-        pixels = torch.from_numpy(normalise(np.stack([to_square(image) for image in images])))
+        pixels = torch.from_numpy(normalise(np.stack(list(map(to_square, images)))))
         memory = self._network.see(pixels.contiguous(memory_format=torch.channels_last))
         answered = torch.stack(
             [

@@ -8,6 +8,7 @@ from typing import Any
 
 from PIL.Image import Image
 
+from vqa_state.images.converting import as_rgb
 from vqa_state.models.address import DEFAULT_MAX_TOKENS
 from vqa_state.models.base import Failure
 from vqa_state.models.batching import BatchSize
@@ -93,7 +94,7 @@ class ChatAsker:
     ) -> Iterator[Outcome]:
         alike: dict[object, dict[int, SeenImage]] = {}
         for number in numbers:
-            image = images[number].convert("RGB")
+            image = as_rgb(images[number])
             try:
                 seen = self._prompt.see(image)
             except _REFUSALS as error:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from PIL import Image
 
 from vqa_state.answers import Answer
+from vqa_state.images.converting import as_rgb
 from vqa_state.models.base import Failure, Reply
 from vqa_state.models.server_calls import Caller
 from vqa_state.models.server_faults import Fault, Reach
@@ -111,8 +112,10 @@ def data_url(image: Image.Image) -> str:
     """The pixels alone as a PNG in a URL, neither side below `MIN_SIDE` or above `MAX_SIDE`."""
     scale = min(1.0, MAX_SIDE / max(image.size))
     width, height = (max(MIN_SIDE, round(side * scale)) for side in image.size)
-    pixels = image.convert("RGB")
-    if (width, height) != pixels.size:
+    pixels = as_rgb(image)
+    if (width, height) == pixels.size:
+        pixels = pixels.copy()
+    else:
         pixels = pixels.resize((width, height), Image.Resampling.BICUBIC)
     pixels.info = {}  # a colour profile or a note is nobody's business
     out = io.BytesIO()

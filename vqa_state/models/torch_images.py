@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from PIL.Image import Image
 
 from vqa_state.answers import Answer
+from vqa_state.images.converting import as_rgb
 from vqa_state.models.address import Device
 from vqa_state.models.base import Failure, Reply
 from vqa_state.models.batching import BatchSize
@@ -146,7 +147,7 @@ class TorchImageModel:
         """(number of the image, what is seen in it, or a `Failure`)."""
         start = 0
         while start < len(images):
-            batch = [image.convert("RGB") for image in images[start : start + self._batch.size]]
+            batch = [as_rgb(image) for image in images[start : start + self._batch.size]]
             try:
                 seen = self._seen(batch)
             except RuntimeError as error:

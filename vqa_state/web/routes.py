@@ -4,6 +4,7 @@ They stand beside gradio's, which keep every upload twice, serve what they are g
 slower than a finger on the keys. Each argument may be anything; each is checked.
 """
 
+import io
 from collections.abc import Callable, Mapping
 from typing import Any
 from urllib.parse import quote
@@ -14,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from vqa_state.errors import NothingToSearchError, RecognizerError
-from vqa_state.images import MAX_BYTES
+from vqa_state.images import MAX_BYTES, reading, shown
 from vqa_state.pace import read_pace
 from vqa_state.report_page import report_page
 from vqa_state.scores import Objective
@@ -34,12 +35,11 @@ MAX_UPLOAD = 500_000_000
 
 MAX_JSON = 2_000_000
 PAPER = VoteKind.PAPER.value
-IMAGE_TYPES = {
+IMAGE_TYPES = {  # of what every browser shows; HEIC and AVIF are shown as WebP
     "jpg": "image/jpeg",
     "png": "image/png",
     "webp": "image/webp",
     "bmp": "image/bmp",
-    "heic": "image/heic",
 }
 PICTURE_HEADERS = {"Cache-Control": "private, max-age=31536000, immutable"}  # ids are hashes
 
@@ -89,10 +89,7 @@ def routes(desk: Desk) -> APIRouter:
 
     @router.get("/images/{image_id}")
     def image(pid: str, image_id: str) -> Response:
-        with desk.reading(pid) as project:
-            found = checks.known_image(project, image_id)
-            data = project.read(found)
-        return Response(data, media_type=IMAGE_TYPES[found.suffix], headers=PICTURE_HEADERS)
+        return _picture(desk, pid, image_id)
 
     @router.get("/recognizers/{objective}.json")
     def recognizer(
@@ -122,20 +119,31 @@ async def explain(request: Request, error: Exception) -> Response:
 
 async def _body(request: Request, limit: int) -> bytes:
     """The request's body; more than `limit` bytes are refused before they are all here."""
-    chunks, size = [], 0
+    body = io.BytesIO()  # gives its bytes without a copy
     async for chunk in request.stream():
-        size += len(chunk)
-        if size > limit:
+        if body.tell() + len(chunk) > limit:
             raise checks.TooLargeError(
                 f"this is larger than {limit / 1e6:.0f} MB, the most that is read; make it smaller"
             )
-        chunks.append(chunk)
-    return b"".join(chunks)
+        body.write(chunk)
+    return body.getvalue()
 
 
 async def _json(work: Callable[[], Mapping[str, Any]]) -> Response:
     """What `work` gives, made beside the event loop: pictures take time."""
     return JSONResponse(await run_in_threadpool(work))
+
+
+def _picture(desk: Desk, pid: str, image_id: str) -> Response:
+    """The file as it was given, or a WebP of what a browser cannot show."""
+    with desk.reading(pid) as project:
+        found = checks.known_image(project, image_id)
+        data = project.read(found)
+    if found.suffix not in IMAGE_TYPES:
+        with reading(data) as picture:
+            data = shown(picture.pixels)
+    kind = IMAGE_TYPES.get(found.suffix, "image/webp")
+    return Response(data, media_type=kind, headers=PICTURE_HEADERS)
 
 
 def _remove(desk: Desk, pid: str, wanted: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL.Image import Image, Resampling
 
+from vqa_state.images.converting import as_rgb
 from vqa_state.models.ofa.config import AskingStyle
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def to_pixels(image: Image, style: AskingStyle) -> "Tensor":
     import torch
 
     side = style.patch_image_size
-    small = image.convert("RGB").resize((side, side), Resampling.BICUBIC)
+    small = as_rgb(image).resize((side, side), Resampling.BICUBIC)
     mean, deviation = _IMAGENET if style.imagenet_default_mean_and_std else _CENTRED
     pixels = np.asarray(small, np.float32) / np.float32(255)
     values = (pixels - np.array(mean, np.float32)) / np.array(deviation, np.float32)
