@@ -6,7 +6,9 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import pillow_heif
 import pytest
+from pictures import draw
 from PIL import Image
 from starlette.testclient import TestClient
 
