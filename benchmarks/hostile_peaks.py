@@ -19,11 +19,11 @@ import numpy as np
 import pillow_heif
 from PIL import Image
 
-from vqa_state.augment import Augmentation, AugmentationKind, late_copies
-from vqa_state.embedded.pixels import to_square
 from vqa_state.images import Kind, pixel_hash, read_picture, reading
+from vqa_state.images.augmentation import Augmentation, AugmentationKind, late_copies
 from vqa_state.images.limits import most_pixels
-from vqa_state.project import Project, StateNames
+from vqa_state.models.embedded.pixels import to_square
+from vqa_state.project.project import Project, StateNames
 
 __all__ = ["PEAKS", "main", "measure_peak"]
 

@@ -14,17 +14,17 @@ from pathlib import Path
 
 from pictures import picture
 
-from vqa_state.answers import Answer
-from vqa_state.asking import ask
+from vqa_state.answers.parse import Answer
+from vqa_state.answers.store import AnswerStore
 from vqa_state.errors import VQAStateError
-from vqa_state.importing import add_files
-from vqa_state.models.fake import ScriptedModel
-from vqa_state.project import Project
-from vqa_state.scores import Objective
-from vqa_state.searches import read_search, search_path
-from vqa_state.splits import Split
-from vqa_state.store import AnswerStore
-from vqa_state.tuning import optimize, recognizer_path, refresh
+from vqa_state.project.importing import add_files
+from vqa_state.project.project import Project
+from vqa_state.project.searches import read_search, search_path
+from vqa_state.project.split import Split
+from vqa_state.search.objectives import Objective
+from vqa_state.study.collect import ask
+from vqa_state.study.optimize import optimize, recognizer_path, refresh
+from vqa_state.testing.fake_model import ScriptedModel
 
 MODEL = ScriptedModel(lambda image, question: Answer("yes" if len(question) % 2 else "no", 0.7))
 KEPT = {"project.json", ".asking.lock"}

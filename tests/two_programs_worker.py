@@ -14,10 +14,10 @@ from pictures import picture
 
 from vqa_state.cli import making
 from vqa_state.errors import VQAStateError
-from vqa_state.project import Project
-from vqa_state.web.adding import added_lines
-from vqa_state.web.desk import Desk
-from vqa_state.web.marks import mark
+from vqa_state.project.project import Project
+from vqa_state.web.label_marks import mark
+from vqa_state.web.session import Desk
+from vqa_state.web.uploads import added_lines
 
 KINDS = 4
 

@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from vqa_state.importing import ImportReport
-from vqa_state.project import StateNames
+from vqa_state.project.importing import ImportReport
+from vqa_state.project.project import StateNames
 
 __all__ = ["report_record", "unlabelled_lines"]
 

@@ -8,7 +8,7 @@ from PIL import Image
 
 from vqa_state.images.converting import strips
 
-__all__ = ["content_hash", "perceptual_hash", "pixel_hash", "shown", "thumbnail"]
+__all__ = ["content_hash", "pixel_hash", "shown", "thumbnail"]
 
 _THUMBNAIL_SIDE = 256
 _SHOWN_SIDE = 2048
@@ -28,13 +28,6 @@ def pixel_hash(pixels: Image.Image) -> str:
     for box in strips(pixels.size):
         digest.update(pixels.crop(box).tobytes())
     return digest.hexdigest()
-
-
-def perceptual_hash(pixels: Image.Image) -> str:
-    """64 bits as 16 hex digits; pictures that look alike differ in few of them."""
-    import imagehash
-
-    return str(imagehash.phash(pixels))
 
 
 def thumbnail(pixels: Image.Image) -> bytes:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from vqa_state.files import drop_half_written, write_atomically
-from vqa_state.locks import locked
-from vqa_state.project import Project
+from vqa_state.project.project import Project
+from vqa_state.project.split import Split
 from vqa_state.reproduction.running import Finished
 from vqa_state.reproduction.tables import (
     Remark,
@@ -19,7 +18,8 @@ from vqa_state.reproduction.tables import (
     shown,
     total_frame,
 )
-from vqa_state.splits import Split
+from vqa_state.storage.atomic_write import drop_half_written, write_atomically
+from vqa_state.storage.locks import locked
 
 __all__ = ["write_report"]
 

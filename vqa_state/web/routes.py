@@ -16,17 +16,17 @@ from starlette.requests import ClientDisconnect
 
 from vqa_state.errors import NothingToSearchError, RecognizerError
 from vqa_state.images import MAX_BYTES, reading, shown
-from vqa_state.pace import read_pace
-from vqa_state.report_page import report_page
-from vqa_state.scores import Objective
-from vqa_state.standings import standings
-from vqa_state.tuning import recognizer_path
-from vqa_state.voting.kinds import VoteKind
-from vqa_state.web import checks, verdicts
-from vqa_state.web.adding import added_lines, with_breaths
-from vqa_state.web.desk import Desk
-from vqa_state.web.marks import mark
-from vqa_state.web.taken import Taken, found_and_assessed, taken_from, taken_recognizer
+from vqa_state.report.page import report_page
+from vqa_state.search.objectives import Objective
+from vqa_state.study.latency import read_pace
+from vqa_state.study.leaderboard import standings
+from vqa_state.study.optimize import recognizer_path
+from vqa_state.votes.rules import VoteKind
+from vqa_state.web import arguments, try_recognizer
+from vqa_state.web.label_marks import mark
+from vqa_state.web.recognizer_choice import Taken, found_and_assessed, taken_from, taken_recognizer
+from vqa_state.web.session import Desk
+from vqa_state.web.uploads import added_lines, with_breaths
 
 __all__ = ["MAX_UPLOAD", "explain", "routes"]
 
@@ -59,12 +59,12 @@ def routes(desk: Desk) -> APIRouter:
 
     @router.post("/marks")
     async def marks(request: Request, pid: str) -> Response:
-        marked = checks.json_object(await _body(request, MAX_JSON))
+        marked = arguments.json_object(await _body(request, MAX_JSON))
         return await _json(lambda: mark(desk, pid, marked))
 
     @router.post("/remove")
     async def remove(request: Request, pid: str) -> Response:
-        wanted = checks.json_object(await _body(request, MAX_JSON))
+        wanted = arguments.json_object(await _body(request, MAX_JSON))
         return await _json(lambda: _remove(desk, pid, wanted))
 
     @router.post("/recognize/{objective}")
@@ -79,12 +79,12 @@ def routes(desk: Desk) -> APIRouter:
     ) -> Response:
         data = await _body(request, MAX_BYTES)
         taken = _taken(vote, coverage, early, all)
-        return await _json(lambda: verdicts.of_picture(desk, pid, objective, data, taken))
+        return await _json(lambda: try_recognizer.of_picture(desk, pid, objective, data, taken))
 
     @router.get("/thumbs/{image_id}")
     def thumb(pid: str, image_id: str) -> Response:
         with desk.reading(pid) as project:
-            data = project.thumbnail(checks.known_image(project, image_id).id)
+            data = project.thumbnail(arguments.known_image(project, image_id).id)
         return Response(data, media_type="image/webp", headers=PICTURE_HEADERS)
 
     @router.get("/images/{image_id}")
@@ -110,7 +110,7 @@ def routes(desk: Desk) -> APIRouter:
 
 async def explain(request: Request, error: Exception) -> Response:
     """A known error as JSON: its sentence, under a status that says whose fault it is."""
-    if isinstance(error, checks.TooLargeError):
+    if isinstance(error, arguments.TooLargeError):
         status = 413
     else:
         status = 404 if request.method == "GET" else 400
@@ -122,7 +122,7 @@ async def _body(request: Request, limit: int) -> bytes:
     body = io.BytesIO()  # gives its bytes without a copy
     async for chunk in request.stream():
         if body.tell() + len(chunk) > limit:
-            raise checks.TooLargeError(
+            raise arguments.TooLargeError(
                 f"this is larger than {limit / 1e6:.0f} MB, the most that is read; make it smaller"
             )
         body.write(chunk)
@@ -137,7 +137,7 @@ async def _json(work: Callable[[], Mapping[str, Any]]) -> Response:
 def _picture(desk: Desk, pid: str, image_id: str) -> Response:
     """The file as it was given, or a WebP of what a browser cannot show."""
     with desk.reading(pid) as project:
-        found = checks.known_image(project, image_id)
+        found = arguments.known_image(project, image_id)
         data = project.read(found)
     if found.suffix not in IMAGE_TYPES:
         with reading(data) as picture:
@@ -148,7 +148,9 @@ def _picture(desk: Desk, pid: str, image_id: str) -> Response:
 
 def _remove(desk: Desk, pid: str, wanted: Mapping[str, Any]) -> dict[str, Any]:
     with desk.changing(pid) as project:
-        ids = [checks.known_image(project, one).id for one in checks.image_ids(wanted.get("ids"))]
+        ids = [
+            arguments.known_image(project, one).id for one in arguments.image_ids(wanted.get("ids"))
+        ]
         project.remove(dict.fromkeys(ids))
     return {}
 
@@ -157,14 +159,14 @@ def _taken(vote: str, coverage: str, early: str, of_all: str) -> Taken:
     try:
         share = float(coverage)
     except ValueError as error:
-        raise checks.RequestError("the coverage must be a number above 0, at most 1") from error
+        raise arguments.RequestError("the coverage must be a number above 0, at most 1") from error
     if not {early, of_all} <= {"", "1"}:
-        raise checks.RequestError("early and all must be 1 or nothing")
+        raise arguments.RequestError("early and all must be 1 or nothing")
     return taken_from(vote, share, early == "1", of_all == "1")
 
 
 def _download(desk: Desk, pid: str, objective: str, taken: Taken) -> Response:
-    chosen = checks.choice(objective, Objective, "the objective")
+    chosen = arguments.choice(objective, Objective, "the objective")
     project = desk.snapshot(pid)
     path = recognizer_path(project, chosen)
     if taken.plain:

@@ -9,11 +9,11 @@ from typing import Any
 
 import gradio as gr
 
-from vqa_state.completeness import Completeness
+from vqa_state.answers.completeness import Completeness
 from vqa_state.errors import MissingAnswersError, NothingToSearchError, ProjectError
-from vqa_state.project import Project
-from vqa_state.tables import read_tables
-from vqa_state.web.desk import Desk
+from vqa_state.project.project import Project
+from vqa_state.study.answer_tables import read_tables
+from vqa_state.web.session import Desk
 
 __all__ = ["Parts", "advice", "answers_of", "build", "require_agreed", "require_whole", "show"]
 
