@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vqa_state.scores import Counts, Objective, ObjectiveWeights
+from vqa_state.answers.rates import Counts
 from vqa_state.search.cpsat import best_value
 from vqa_state.search.exact import enumerate_subsets
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import fittest
 from vqa_state.search.milp import most_images
+from vqa_state.search.objectives import Objective, ObjectiveWeights
 from vqa_state.search.proof import PROOF_TOLERANCE
 
 __all__ = ["Case", "disagreements", "draw_case", "main"]

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from vqa_state.embedded.experiments import questions_about
-from vqa_state.models.embedded import EmbeddedModel
+from vqa_state.embedded_training.experiments import questions_about
+from vqa_state.models.embedded.model import EmbeddedModel
 
 __all__ = ["main"]
 
@@ -27,7 +27,7 @@ _LOAD = """
 import resource, time
 import torch
 start = time.perf_counter()
-from vqa_state.models.embedded import EmbeddedModel
+from vqa_state.models.embedded.model import EmbeddedModel
 model = EmbeddedModel()
 loaded = time.perf_counter() - start
 import numpy as np

@@ -86,8 +86,8 @@ def _write_words(folder: Path) -> int:
 def _weights(folder: Path, n_words: int) -> "dict[str, Tensor]":
     import torch
 
-    from vqa_state.models.ofa.config import read_folder
-    from vqa_state.models.ofa.network import OfaNetwork
+    from vqa_state.models.local.ofa.config import read_folder
+    from vqa_state.models.local.ofa.network import OfaNetwork
 
     with torch.device("meta"):
         shapes = OfaNetwork(read_folder(folder)[0]).state_dict()

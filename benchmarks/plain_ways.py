@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from PIL.Image import Image
 
-from vqa_state.models.blip import MAX_ANSWER_TOKENS
-from vqa_state.models.chat_prefix import N_TOKENS
-from vqa_state.models.prompts import prompt_for
+from vqa_state.models.chat.prefix_cache import N_TOKENS
+from vqa_state.models.chat.prompt_templates import prompt_for
+from vqa_state.models.local.blip import MAX_ANSWER_TOKENS
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -14,8 +14,8 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.tables import digest, numbered_table
-from vqa_state.scores import Objective
 from vqa_state.search.default import default_search
+from vqa_state.search.objectives import Objective
 from vqa_state.search.proof import PROOF_TOLERANCE, Badge, ProofLimits, prove
 
 __all__ = ["OPTIMA_FILE", "Optimum", "main", "read_optima"]

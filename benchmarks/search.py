@@ -20,10 +20,11 @@ from deap import algorithms, base, tools
 
 from benchmarks.prove_optima import OBJECTIVE, Optimum, read_optima
 from benchmarks.tables import digest, numbered_table
-from vqa_state.evaluation import exact_interval
-from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective
+from vqa_state.answers.rates import Counts
+from vqa_state.evaluation.held_out import exact_interval
 from vqa_state.search.default import CLIMBS, default_search
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings, search
+from vqa_state.search.objectives import PAPER_WEIGHTS, Objective
 from vqa_state.search.proof import Badge, ProofLimits, ProofReport, prove_all
 
 __all__ = [

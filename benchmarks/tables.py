@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from vqa_state.scores import Counts
+from vqa_state.answers.rates import Counts
 
 __all__ = ["Task", "digest", "draw_counts", "draw_task", "numbered_table"]
 

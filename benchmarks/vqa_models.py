@@ -27,11 +27,11 @@ from PIL.Image import Image
 from benchmarks.model_folders import build_blip, build_idefics3, build_vilt
 from benchmarks.ofa_folder import build_ofa
 from benchmarks.plain_ways import Ask, Asked, plain_blip, plain_chat, plain_vilt
-from vqa_state.embedded.experiments import questions_about
+from vqa_state.embedded_training.experiments import questions_about
+from vqa_state.models import Failure
 from vqa_state.models.address import Device, Precision
-from vqa_state.models.base import Failure
-from vqa_state.models.runtime import Runtime
-from vqa_state.models.sight import PROBES
+from vqa_state.models.local.runtime import Runtime
+from vqa_state.models.vision_check import PROBES
 
 __all__ = ["Row", "compare", "main", "measure", "table"]
 
@@ -94,25 +94,25 @@ class _Family:
 
 
 def _blip(folder: Path) -> tuple[Ask, AskAll]:
-    from vqa_state.models.blip import BlipModel
+    from vqa_state.models.local.blip import BlipModel
 
     return plain_blip(folder), _said(BlipModel(folder, "blip", _CPU))
 
 
 def _vilt(folder: Path) -> tuple[Ask, AskAll]:
-    from vqa_state.models.vilt import ViltModel
+    from vqa_state.models.local.vilt import ViltModel
 
     return plain_vilt(folder), _said(ViltModel(folder, "vilt", _CPU))
 
 
 def _chat(folder: Path) -> tuple[Ask, AskAll]:
-    from vqa_state.models.chat import ChatModel
+    from vqa_state.models.chat.model import ChatModel
 
     return plain_chat(folder), _said(ChatModel(folder, "chat", _CPU))
 
 
 def _ofa(folder: Path) -> tuple[Ask, AskAll]:
-    from vqa_state.models.ofa.model import OfaModel
+    from vqa_state.models.local.ofa.model import OfaModel
 
     model = OfaModel(folder, "ofa", _CPU)
     # Trained, it ends after a word or two; random weights would run on to the limit of both ways.
@@ -161,7 +161,7 @@ def _text(outcome: Any) -> str:
 @contextmanager
 def _first_logits() -> Iterator[dict[tuple[int, ...], Any]]:
     """What OFA's decoder gives for the first word, by what it has read."""
-    from vqa_state.models.ofa import decoding
+    from vqa_state.models.local.ofa import decoding
 
     found: dict[tuple[int, ...], Any] = {}
     original = decoding.start

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vqa_state.answers import Answer
-from vqa_state.asking import answer_table, ask, plan
-from vqa_state.images import pixel_hash
-from vqa_state.models.base import Reply
-from vqa_state.splits import Split
+from vqa_state.answers.parse import Answer
+from vqa_state.images.reading import pixel_hash
+from vqa_state.models import Reply
+from vqa_state.project.split import Split
+from vqa_state.study.collect import answer_table, ask, plan
 
 N_CALLS = 6 * 2 * 16
 

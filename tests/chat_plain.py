@@ -2,7 +2,7 @@
 
 import transformers
 
-from vqa_state.models.chat_prefix import N_TOKENS
+from vqa_state.models.chat.prefix_cache import N_TOKENS
 
 
 def plain(folder, images, questions, template="{question} Answer yes or no.", **more):

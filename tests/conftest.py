@@ -8,12 +8,12 @@ from pictures import picture
 from stub_server import Stub
 
 from vqa_state import cli, models
-from vqa_state.answers import Answer
-from vqa_state.augment import Augmentation
-from vqa_state.models.fake import ScriptedModel
-from vqa_state.project import Project, StateNames
-from vqa_state.questions import QuestionGrid, Wording, phrases_for
-from vqa_state.splits import Split
+from vqa_state.answers.parse import Answer
+from vqa_state.images.augmentation import Augmentation
+from vqa_state.project.project import Project, StateNames
+from vqa_state.project.split import Split
+from vqa_state.questions.grid import QuestionGrid, Wording, phrases_for
+from vqa_state.testing.fake_model import ScriptedModel
 
 settings.register_profile("house", deadline=None)  # a busy machine is no failure
 settings.load_profile("house")

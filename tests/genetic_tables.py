@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vqa_state.scores import Counts
+from vqa_state.answers.rates import Counts
 from vqa_state.search.genetic import SearchSettings
 
 QUICK = SearchSettings(population=60, generations=12)

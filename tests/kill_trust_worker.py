@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vqa_state.assessing import assess
-from vqa_state.project import Project
-from vqa_state.tuning import optimize
+from vqa_state.project.project import Project
+from vqa_state.study.assess import assess
+from vqa_state.study.optimize import optimize
 
 
 class Brightness:

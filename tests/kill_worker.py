@@ -8,11 +8,11 @@ import sys
 import time
 from pathlib import Path
 
-from vqa_state.answers import Answer
-from vqa_state.asking import ask
-from vqa_state.images import pixel_hash
-from vqa_state.models.fake import ScriptedModel
-from vqa_state.project import Project
+from vqa_state.answers.parse import Answer
+from vqa_state.images.reading import pixel_hash
+from vqa_state.project.project import Project
+from vqa_state.study.collect import ask
+from vqa_state.testing.fake_model import ScriptedModel
 
 
 def answer(image, question):

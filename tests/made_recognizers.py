@@ -1,9 +1,8 @@
 """A recognizer of three questions about a door, and a model to answer them."""
 
-from vqa_state.answers import Answer
-from vqa_state.augment import AugmentationKind
-from vqa_state.models.fake import ScriptedModel
-from vqa_state.recognizer import (
+from vqa_state.answers.parse import Answer
+from vqa_state.images.augmentation import AugmentationKind
+from vqa_state.recognizer.recognizer import (
     Copies,
     ModelReference,
     Origin,
@@ -13,8 +12,9 @@ from vqa_state.recognizer import (
     States,
     WeightedQuestion,
 )
-from vqa_state.scores import Objective, ObjectiveWeights
 from vqa_state.search.genetic import SearchSettings
+from vqa_state.search.objectives import Objective, ObjectiveWeights
+from vqa_state.testing.fake_model import ScriptedModel
 
 QUESTIONS = ("Is this door open?", "Is this door closed?", "Is the inside visible?")
 

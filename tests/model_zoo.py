@@ -12,12 +12,12 @@ from chat_folders import BUILDERS, lacking
 from stub_server import Stub, good
 from tiny_models import tiny_folder
 
-from vqa_state.answers import Answer
+from vqa_state.answers.parse import Answer
+from vqa_state.models import VQAModel
 from vqa_state.models.address import Device, Precision
-from vqa_state.models.base import VQAModel
-from vqa_state.models.embedded import EmbeddedModel
-from vqa_state.models.fake import ScriptedModel
-from vqa_state.models.runtime import Runtime
+from vqa_state.models.embedded.model import EmbeddedModel
+from vqa_state.models.local.runtime import Runtime
+from vqa_state.testing.fake_model import ScriptedModel
 
 GOLDEN = Path(__file__).parent / "golden" / "ofa"
 CPU = Runtime(Device.CPU, Precision.FLOAT32)
@@ -51,19 +51,19 @@ def zoo(home: Path) -> dict[str, Kind]:
 
 
 def blip(name: str, **settings) -> VQAModel:
-    from vqa_state.models.blip import BlipModel
+    from vqa_state.models.local.blip import BlipModel
 
     return BlipModel(tiny_folder("blip"), name, CPU, **settings)
 
 
 def vilt(name: str, **settings) -> VQAModel:
-    from vqa_state.models.vilt import ViltModel
+    from vqa_state.models.local.vilt import ViltModel
 
     return ViltModel(tiny_folder("vilt"), name, CPU, **settings)
 
 
 def chat(family: str, home: Path, **settings) -> VQAModel:
-    from vqa_state.models.chat import ChatModel
+    from vqa_state.models.chat.model import ChatModel
 
     return ChatModel(chat_folder(family, home), f"folder:{family}", CPU, **settings)
 
@@ -77,7 +77,7 @@ def chat_folder(family: str, home: Path) -> Path:
 
 
 def ofa(name: str, home: Path, **settings) -> VQAModel:
-    from vqa_state.models.ofa.model import OfaModel
+    from vqa_state.models.local.ofa.model import OfaModel
 
     return OfaModel(ofa_folder(home), name, CPU, **settings)
 
@@ -85,9 +85,9 @@ def ofa(name: str, home: Path, **settings) -> VQAModel:
 @cache
 def ofa_folder(home: Path) -> Path:
     """The golden words with random weights, small pictures, converted."""
-    from vqa_state.models.ofa.config import read_folder
-    from vqa_state.models.ofa.loading import convert_checkpoint
-    from vqa_state.models.ofa.network import OfaNetwork
+    from vqa_state.models.local.ofa.config import read_folder
+    from vqa_state.models.local.ofa.loading import convert_checkpoint
+    from vqa_state.models.local.ofa.network import OfaNetwork
 
     folder = home / "ofa"
     folder.mkdir()
@@ -104,7 +104,7 @@ def ofa_folder(home: Path) -> Path:
 
 
 def served(home: Path) -> VQAModel:
-    from vqa_state.models.server import ServerModel
+    from vqa_state.models.server.model import ServerModel
 
     server = _server()
     return ServerModel(f"{server.url}", "some-model", "server:stub")

@@ -9,10 +9,10 @@ import ofa_weights
 import torch
 
 from vqa_state.models.address import Device, Precision
-from vqa_state.models.ofa.config import read_folder
-from vqa_state.models.ofa.loading import convert_checkpoint
-from vqa_state.models.ofa.network import OfaNetwork, fixed_buffers
-from vqa_state.models.runtime import Runtime
+from vqa_state.models.local.ofa.config import read_folder
+from vqa_state.models.local.ofa.loading import convert_checkpoint
+from vqa_state.models.local.ofa.network import OfaNetwork, fixed_buffers
+from vqa_state.models.local.runtime import Runtime
 
 GOLDEN = Path(__file__).parent / "golden" / "ofa"
 REFERENCE = json.loads((GOLDEN / "golden.json").read_text())

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vqa_state.abstaining import AbstainRule
-from vqa_state.voting.kinds import MILLION, Ballots, FittedVote, VoteKind
+from vqa_state.votes.reject_option import AbstainRule
+from vqa_state.votes.rules import MILLION, Ballots, FittedVote, VoteKind
 
 ANSWERS = st.sampled_from([-1, 0, 1])
 FREE = st.just(0.0)

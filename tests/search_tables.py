@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from vqa_state.scores import Counts
+from vqa_state.answers.rates import Counts
 
 
 def draw_counts(seed, n_images=6, n_questions=8, n_copies=3, p_invalid=0.2) -> Counts:

@@ -3,7 +3,7 @@
 from pictures import draw
 from stub_server import Result, good
 
-from vqa_state.models.server import CallBudget, ServerModel
+from vqa_state.models.server.model import CallBudget, ServerModel
 
 QUICK = CallBudget(
     retries=2, deadline_seconds=5.0, first_wait_seconds=0.01, longest_wait_seconds=0.3

@@ -1,4 +1,4 @@
-"""The order of imports: a module imports only from lines above its own."""
+"""The picture of the house: which package may import which."""
 
 import ast
 from pathlib import Path
@@ -7,123 +7,110 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "vqa_state"
 
-ORDER = [
-    "errors",
-    "files",
-    "images",
-    "augment",
-    "questions",
-    "cues",
-    "answers",
-    "verdict",
-    "store",
-    "scores",
-    "search",
-    "voting",
-    "out_of_bag",
-    "rival",
-    "abstaining",
-    "early_stop",
-    "frontier",
-    "labelling",
-    "splits",
-    "project_file",
-    "project",
-    "importing",
-    "models.base",
-    "embedded",
-    "models",
-    "asking",
-    "features",
-    "rival_trial",
-    "checking",
-    "pace",
-    "comparing",
-    "evaluation",
-    "coverage",
-    "recognizer_file",
-    "recognizer_calls",
-    "recognizer_votes",
-    "recognizer",
-    "rechecking",
-    "searches",
-    "tuning",
-    "frontier_marks",
-    "assessing",
-    "exporting",
-    "standing_rows",
-    "advice",
-    "standings_words",
-    "standings",
-    "suggesting",
-    "report",
-    "report_plots",
-    "report_pictures",
-    "report_page",
-    "reproduction.paper",
-    "reproduction.running",
-    "reproduction.tables",
-    "reproduction",
-    "jobs",
-    "cli",
-    "__main__",
-    "web",
-]
-
-MODULES = sorted(PACKAGE.rglob("*.py"))
+# Each line imports only from lines above it.
+PICTURE = """
+    errors
+    storage              files written whole or not at all
+    images               a picture, read safely; copies; near-duplicates
+    questions            wordings, states, the grid, cues
+    answers              raw text → verdict; arrays of answers; the store; rates
+    models               one protocol; embedded, local, chat and server models
+    votes                rules that turn answers into a state
+    search               objectives; genetic, exact and weighted search; proofs
+    evaluation           held-out table, out-of-bag, paired tests, linear probe
+    recognizer           the JSON file, its schema, inference, the verdict
+    project              the folder on disk: images, import, split, searches
+    study                the workflows on one open project
+    report               what people read and print
+    reproduction         the paper's experiments again
+    cli                  the command line
+    web                  the app
+    __main__             python -m vqa_state
+    testing              for tests of models
+    embedded_training    what made the embedded model; nothing imports it
+"""
+ORDER = [line.split()[0] for line in PICTURE.strip().splitlines()]
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 
 
-def place(module: str) -> int:
-    """Line of the order on which a dotted module name (without the package's) stands."""
-    fitting = [line for line in ORDER if module == line or module.startswith(line + ".")]
-    return ORDER.index(max(fitting, key=len))
+def package(module: str) -> str:
+    """The line of the picture on which a dotted name of this project stands."""
+    return module.split(".")[1]
 
 
 def dotted(path: Path) -> str:
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    return ".".join(part for part in parts if part != "__init__" or len(parts) == 1)
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(part for part in parts if part != "__init__")
 
 
 def every_import(path: Path) -> set[str]:
-    """Top-level names of all that a file imports."""
+    """Dotted names of all modules that a file imports, wherever in it."""
     names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            names.add((node.module or "").split(".")[0])
+            assert not node.level, f"{path} has a relative import"
+            module = node.module or ""
+            names |= {f"{module}.{a.name}" for a in node.names}
+            names.add(module)
     return names
 
 
 def imported(path: Path) -> set[str]:
-    """Dotted names of this package's modules that a file imports, wherever in it."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module == "vqa_state":
-            names |= {f"vqa_state.{alias.name}" for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names.add(node.module or "")
-        assert not getattr(node, "level", 0), f"{path} has a relative import"
-    return {name.removeprefix("vqa_state.") for name in names if name.startswith("vqa_state.")}
+    """Dotted names below `vqa_state` that a file imports."""
+    return {name for name in every_import(path) if name.startswith("vqa_state.")}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_imports_only_from_above(path):
-    own = dotted(path)
-    if own == "__init__":
-        assert not imported(path)
-        return
-    below = {name for name in imported(path) if place(name) > place(own)}
-    assert not below
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_imports_only_from_lines_above(path: Path) -> None:
+    own = ORDER.index(package(dotted(path)))
+    names = {package(name) for name in imported(path)} - {"__version__"}
+    assert not [name for name in names if ORDER.index(name) > own]
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_only_the_app_imports_gradio(path):
-    assert dotted(path).startswith("web") or "gradio" not in every_import(path)
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_what_is_private_stays_in_its_package(path: Path) -> None:
+    own = dotted(path).rpartition(".")[0] if path.name != "__init__.py" else dotted(path)
+    for name in imported(path):
+        parents = name.split(".")
+        hidden = [i for i, part in enumerate(parents) if part[0] == "_" and part[1] != "_"]
+        assert all(own.startswith(".".join(parents[:i])) for i in hidden), name
 
 
-def test_every_line_of_the_order_exists():
-    known = {dotted(path) for path in MODULES}
-    assert all(line in known for line in ORDER)
+@pytest.mark.parametrize(
+    ("library", "homes"),
+    [
+        ("gradio", {"web"}),
+        ("typer", {"cli"}),
+        ("deap", {"search"}),
+        ("ortools", {"search"}),
+        ("torch", {"models", "embedded_training"}),
+        ("transformers", {"models", "embedded_training"}),
+        ("openai", {"models"}),
+        ("mujoco", {"embedded_training"}),
+    ],
+)
+def test_a_heavy_library_has_one_home(library: str, homes: set[str]) -> None:
+    users = {
+        package(dotted(path))
+        for path in MODULES
+        if any(name.split(".")[0] == library for name in every_import(path))
+    }
+    assert users <= homes
+
+
+def test_nothing_imports_what_made_the_embedded_model() -> None:
+    users = {
+        package(dotted(path))
+        for path in MODULES
+        if any(package(name) == "embedded_training" for name in imported(path))
+    }
+    assert users == {"embedded_training"}
+
+
+def test_the_picture_is_the_listing() -> None:
+    modules = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"}
+    packages = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert modules | packages == set(ORDER)
+    assert modules == {"errors", "__main__"}

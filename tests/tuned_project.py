@@ -6,12 +6,12 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from vqa_state.answers import Answer
-from vqa_state.asking import ask
-from vqa_state.models.fake import ScriptedModel
-from vqa_state.project import Project
+from vqa_state.answers.parse import Answer
+from vqa_state.project.project import Project
 from vqa_state.search.genetic import SearchSettings
-from vqa_state.tuning import optimize
+from vqa_state.study.collect import ask
+from vqa_state.study.optimize import optimize
+from vqa_state.testing.fake_model import ScriptedModel
 
 
 def unsure(image, question):

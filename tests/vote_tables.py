@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from vqa_state.answers import AnswerTable
-from vqa_state.questions import Question
-from vqa_state.voting.kinds import MILLION, FittedVote, VoteKind
+from vqa_state.answers.table import AnswerTable
+from vqa_state.questions.grid import Question
+from vqa_state.votes.rules import MILLION, FittedVote, VoteKind
 
 COUNTED = [VoteKind.PAPER, VoteKind.THRESHOLD, VoteKind.WEIGHTED_ANSWERS]
 

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from vqa_state.recognizer import Recognizer
+from vqa_state.recognizer.recognizer import Recognizer
 
 if __name__ == "__main__":
     path = Path(__file__).parent.parent / "docs" / "recognizer.schema.json"

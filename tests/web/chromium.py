@@ -13,9 +13,9 @@ import pytest
 import uvicorn
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
-from vqa_state.models.fake import ScriptedModel
-from vqa_state.web.desk import Desk
+from vqa_state.testing.fake_model import ScriptedModel
 from vqa_state.web.server import build_app
+from vqa_state.web.session import Desk
 
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 FLAGS = [

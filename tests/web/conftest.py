@@ -15,12 +15,12 @@ os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"  # before gradio is imported, a
 from stand_ins import Gate, picture, says
 
 from vqa_state import models
-from vqa_state.answers import Answer
-from vqa_state.asking import ask
-from vqa_state.models.fake import ScriptedModel
-from vqa_state.project import Project
-from vqa_state.tuning import optimize
-from vqa_state.web.desk import Desk
+from vqa_state.answers.parse import Answer
+from vqa_state.project.project import Project
+from vqa_state.study.collect import ask
+from vqa_state.study.optimize import optimize
+from vqa_state.testing.fake_model import ScriptedModel
+from vqa_state.web.session import Desk
 
 
 @pytest.fixture

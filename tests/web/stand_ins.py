@@ -7,9 +7,9 @@ import threading
 import numpy as np
 from PIL import Image
 
-from vqa_state.answers import Answer
-from vqa_state.jobs import Snapshot
-from vqa_state.web.desk import Desk
+from vqa_state.answers.parse import Answer
+from vqa_state.web.jobs import Snapshot
+from vqa_state.web.session import Desk
 
 
 def picture(number: int, *, dark: bool) -> bytes:

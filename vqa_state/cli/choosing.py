@@ -7,19 +7,19 @@ from typing import Annotated
 import typer
 
 from vqa_state import models
-from vqa_state.asking import plan
-from vqa_state.checking import check_model
 from vqa_state.cli.options import Json, app, tell
 from vqa_state.cli.terminal import interruptible, say, show_check, show_download
 from vqa_state.errors import ModelError
 from vqa_state.models.address import ModelAddress, Source
 from vqa_state.models.approval import approve, approved, withdraw
-from vqa_state.models.hub import download
-from vqa_state.models.offers import offered
+from vqa_state.models.availability import Standing, standing
+from vqa_state.models.hub.snapshots import download
 from vqa_state.models.opening import folder_of
 from vqa_state.models.presets import PRESETS, Preset
-from vqa_state.models.standing import Standing, standing
-from vqa_state.project import Project
+from vqa_state.models.server.served_models import offered
+from vqa_state.project.project import Project
+from vqa_state.study.collect import plan
+from vqa_state.study.vision_check import check_model
 
 __all__ = ["models_app"]
 
@@ -203,7 +203,7 @@ def convert_command(
     ],
 ) -> None:
     """Write the weights of an old checkpoint as safetensors, once. No code in it is run."""
-    from vqa_state.models.ofa.loading import convert_checkpoint
+    from vqa_state.models.local.ofa.loading import convert_checkpoint
 
     is_address = model.startswith(("hub:", "folder:"))
     folder = folder_of(ModelAddress.parse(model)) if is_address else Path(model)

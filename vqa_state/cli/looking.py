@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from vqa_state.checking import first_look
 from vqa_state.cli.terminal import plan_record, say, show_check
 from vqa_state.models import VQAModel
-from vqa_state.pace import Estimate
+from vqa_state.study.latency import Estimate
+from vqa_state.study.vision_check import first_look
 
 __all__ = ["cost_record", "cost_words", "look_first"]
 

@@ -6,15 +6,15 @@ from typing import Annotated
 import typer
 
 from vqa_state import models
-from vqa_state.assessing import assessment
 from vqa_state.cli.options import Folder, Json, app, found_results, tell
 from vqa_state.cli.picking import chosen_images, given_path
 from vqa_state.cli.terminal import interruptible, say, show_asking
-from vqa_state.cues import with_cues
 from vqa_state.errors import ImageError, ProjectError
-from vqa_state.importing import ImportReport, Refused, add_folder
-from vqa_state.project import LabelledImage, Project, StateNames
-from vqa_state.questions import (
+from vqa_state.project.importing import ImportReport, Refused, add_folder
+from vqa_state.project.project import LabelledImage, Project, StateNames
+from vqa_state.project.split import Split
+from vqa_state.questions.cues import with_cues
+from vqa_state.questions.grid import (
     Article,
     Form,
     Question,
@@ -23,9 +23,9 @@ from vqa_state.questions import (
     Wording,
     phrases_for,
 )
-from vqa_state.report import look_alike_sentences
-from vqa_state.splits import Split
-from vqa_state.suggesting import accept, ask_unlabelled, hints
+from vqa_state.report.frames import look_alike_sentences
+from vqa_state.study.assess import assessment
+from vqa_state.study.suggest import accept, ask_unlabelled, hints
 
 
 @app.command()

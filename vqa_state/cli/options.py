@@ -6,19 +6,19 @@ from typing import Annotated
 
 import typer
 
-from vqa_state import report
-from vqa_state.assessing import Assessment, assessment
 from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import print_json, print_table
 from vqa_state.errors import NothingToSearchError
-from vqa_state.frontier import thinned
-from vqa_state.pace import read_pace
-from vqa_state.project import Project
-from vqa_state.searches import Results
-from vqa_state.standings import standings, standings_frame
-from vqa_state.standings_words import TABLE_NOTE
-from vqa_state.suggesting import Hints, hints
-from vqa_state.tuning import recognizer_path, refresh
+from vqa_state.evaluation.cost_frontier import thinned
+from vqa_state.project.project import Project
+from vqa_state.project.searches import Results
+from vqa_state.report import frames
+from vqa_state.study.assess import Assessment, assessment
+from vqa_state.study.latency import read_pace
+from vqa_state.study.leaderboard import standings, standings_frame
+from vqa_state.study.leaderboard_words import TABLE_NOTE
+from vqa_state.study.optimize import recognizer_path, refresh
+from vqa_state.study.suggest import Hints, hints
 
 __all__ = [
     "Folder",
@@ -123,16 +123,16 @@ def _record(project: Project, found: Results) -> dict[str, object]:
         "suggested_labels": [asdict(one) for one in hinted.suggestions],
         "doubtful_labels": [asdict(one) for one in hinted.doubtful],
         "n_unasked": hinted.n_unasked,
-        "subsets": report.score_frame(evaluation).to_dict("records"),
-        "terms": report.term_sentences(found),
+        "subsets": frames.score_frame(evaluation).to_dict("records"),
+        "terms": frames.term_sentences(found),
         "missed": {
-            row.name.value: [asdict(one) for one in report.missed_pictures(project, row)]
+            row.name.value: [asdict(one) for one in frames.missed_pictures(project, row)]
             for row in evaluation.rows
         },
         "finished": all(saved.finished for saved in found.searches.values()),
         "n_left_out_train": evaluation.n_left_out_train,
         "n_left_out_test": evaluation.n_left_out_test,
-        "look_alikes": report.look_alike_sentences(project),
+        "look_alikes": frames.look_alike_sentences(project),
         "test_looks": project.test_looks + has_test(found),
         "recognizer": str(recognizer_path(project, project.chosen)),
     }
@@ -178,17 +178,17 @@ def _print_hints(project: Project, hinted: Hints) -> None:
 
 def _print(project: Project, found: Results) -> None:
     evaluation = found.evaluation
-    print_table(report.comparison_frame(evaluation), project.name)
+    print_table(frames.comparison_frame(evaluation), project.name)
     _print_assessed(project, found)
-    for sentence in report.term_sentences(found):
+    for sentence in frames.term_sentences(found):
         print(sentence)
     row = next(row for row in evaluation.rows if row.name.value == project.chosen.value)
-    missed = report.missed_pictures(project, row)
+    missed = frames.missed_pictures(project, row)
     images = "1 image" if len(missed) == 1 else f"{len(missed)} images"
     print(f"{project.chosen.value} does not recognize {images}.")
     for one in missed:
         print(f"  {one.sentence()}")
-    for sentence in report.look_alike_sentences(project):
+    for sentence in frames.look_alike_sentences(project):
         print(sentence)
     left_out = evaluation.n_left_out_train + evaluation.n_left_out_test
     if left_out:

@@ -6,7 +6,7 @@ from pathlib import Path
 import typer
 
 from vqa_state.errors import ProjectError
-from vqa_state.project import LabelledImage, Project
+from vqa_state.project.project import LabelledImage, Project
 
 __all__ = ["chosen_images", "given_path"]
 

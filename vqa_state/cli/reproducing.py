@@ -8,7 +8,6 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from vqa_state import models
-from vqa_state.asking import AskProgress
 from vqa_state.cli.options import app
 from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import interruptible, print_table, say
@@ -16,6 +15,7 @@ from vqa_state.reproduction.page import write_report
 from vqa_state.reproduction.paper import EXPERIMENTS
 from vqa_state.reproduction.running import Finished, Step, copy_projects, run
 from vqa_state.reproduction.tables import shown, total_frame
+from vqa_state.study.collect import AskProgress
 
 __all__ = ["reproduce"]
 

@@ -7,9 +7,6 @@ from typing import Annotated
 import typer
 
 from vqa_state import models
-from vqa_state.asking import AskProgress, ask, plan
-from vqa_state.assessing import assess
-from vqa_state.augment import MAX_COPIES, Augmentation, AugmentationKind
 from vqa_state.cli.looking import cost_record, cost_words, look_first
 from vqa_state.cli.options import Folder, Json, Seed, app, found_results, show, tell
 from vqa_state.cli.terminal import (
@@ -21,12 +18,15 @@ from vqa_state.cli.terminal import (
     show_search,
 )
 from vqa_state.errors import NothingToSearchError
-from vqa_state.pace import estimate, keep_pace
-from vqa_state.project import Project
-from vqa_state.scores import ObjectiveWeights
+from vqa_state.images.augmentation import MAX_COPIES, Augmentation, AugmentationKind
+from vqa_state.project.project import Project
 from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
-from vqa_state.tuning import optimize
+from vqa_state.search.objectives import ObjectiveWeights
+from vqa_state.study.assess import assess
+from vqa_state.study.collect import AskProgress, ask, plan
+from vqa_state.study.latency import estimate, keep_pace
+from vqa_state.study.optimize import optimize
 
 
 @app.command("ask")

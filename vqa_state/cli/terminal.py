@@ -22,12 +22,12 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from vqa_state.asking import AskPlan, AskProgress
-from vqa_state.assessing import Assessment, AssessProgress
-from vqa_state.checking import CheckProgress, ModelCheck
-from vqa_state.models.hub import DownloadProgress
-from vqa_state.tuning import OptimizeProgress
-from vqa_state.verdict import Verdict
+from vqa_state.models.hub.snapshots import DownloadProgress
+from vqa_state.recognizer.verdict import Verdict
+from vqa_state.study.assess import Assessment, AssessProgress
+from vqa_state.study.collect import AskPlan, AskProgress
+from vqa_state.study.optimize import OptimizeProgress
+from vqa_state.study.vision_check import CheckProgress, ModelCheck
 
 __all__ = [
     "asked_sentence",

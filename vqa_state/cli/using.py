@@ -7,9 +7,7 @@ from typing import Annotated
 
 import typer
 
-from vqa_state import models, report
-from vqa_state.asking import AskProgress
-from vqa_state.assessing import assessment
+from vqa_state import models
 from vqa_state.cli.looking import look_first
 from vqa_state.cli.options import Folder, Json, app, count_look, found_results, show, tell
 from vqa_state.cli.picking import given_path
@@ -22,21 +20,25 @@ from vqa_state.cli.terminal import (
     verdict_record,
 )
 from vqa_state.errors import ImageError, ModelError
-from vqa_state.exporting import recognizer_with
-from vqa_state.files import write_atomically
-from vqa_state.models.base import VQAModel
-from vqa_state.pace import read_pace
-from vqa_state.project import Project
-from vqa_state.rechecking import Rechecked, recheck
-from vqa_state.recognizer import Recognizer, recognize_all
-from vqa_state.report_page import report_page
-from vqa_state.scores import Objective
-from vqa_state.searches import Results
-from vqa_state.splits import Split
-from vqa_state.standings import standings
-from vqa_state.tuning import unchosen_recognizer
-from vqa_state.verdict import State, Verdict
-from vqa_state.voting.kinds import VoteKind
+from vqa_state.models import VQAModel
+from vqa_state.project.project import Project
+from vqa_state.project.searches import Results
+from vqa_state.project.split import Split
+from vqa_state.recognizer.recognizer import Recognizer, recognize_all
+from vqa_state.recognizer.verdict import Verdict
+from vqa_state.report import frames
+from vqa_state.report.page import report_page
+from vqa_state.search.objectives import Objective
+from vqa_state.storage.atomic_write import write_atomically
+from vqa_state.study.assess import assessment
+from vqa_state.study.collect import AskProgress
+from vqa_state.study.export import recognizer_with
+from vqa_state.study.latency import read_pace
+from vqa_state.study.leaderboard import standings
+from vqa_state.study.optimize import unchosen_recognizer
+from vqa_state.study.transfer import Rechecked, recheck
+from vqa_state.votes.rules import VoteKind
+from vqa_state.votes.state import State
 
 
 @app.command("report")
@@ -57,9 +59,9 @@ def report_command(
     """Show the questions on the training images, and the tables of subsets and recognizers."""
     project = Project.open(folder)
     found = found_results(project)
-    questions = report.question_frame(found.train)
+    questions = frames.question_frame(found.train)
     if csv is not None:
-        scores = report.score_frame(found.evaluation)
+        scores = frames.score_frame(found.evaluation)
         for name, frame in (("questions", questions), ("scores", scores)):
             write_atomically(csv / f"{name}.csv", frame.to_csv(index=False).encode())
     if html is not None:

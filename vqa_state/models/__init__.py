@@ -4,12 +4,22 @@ from collections.abc import Callable
 from importlib import import_module
 
 from vqa_state.errors import UnknownModelError
+from vqa_state.models._base import Failure, Interruptible, Reply, VQAModel
 from vqa_state.models.address import ModelAddress
 from vqa_state.models.approval import approve, check_approved, from_anywhere
-from vqa_state.models.base import Failure, Reply, VQAModel
 from vqa_state.models.import_faults import import_fault
 
-__all__ = ["Factory", "Failure", "Reply", "VQAModel", "choose", "create", "names", "register"]
+__all__ = [
+    "Factory",
+    "Failure",
+    "Interruptible",
+    "Reply",
+    "VQAModel",
+    "choose",
+    "create",
+    "names",
+    "register",
+]
 
 Factory = Callable[[], VQAModel]
 
@@ -83,7 +93,7 @@ def _parsed(name: str) -> ModelAddress | None:
 
 
 def _embedded() -> VQAModel:
-    return import_module("vqa_state.models.embedded").EmbeddedModel()  # type: ignore[no-any-return]
+    return import_module("vqa_state.models.embedded.model").EmbeddedModel()  # type: ignore[no-any-return]
 
 
 _factories: dict[str, Factory] = {"embedded": _embedded}

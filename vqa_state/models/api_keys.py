@@ -12,7 +12,7 @@ import unicodedata
 from collections.abc import Mapping
 
 from vqa_state.errors import ModelError
-from vqa_state.models.server_url import ServerURL
+from vqa_state.models.server.url import ServerURL
 
 __all__ = ["ApiKey", "key_for", "plain_text", "without_keys"]
 

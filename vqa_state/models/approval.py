@@ -12,8 +12,8 @@ from pathlib import Path
 from platformdirs import user_data_path
 
 from vqa_state.errors import ModelError, NotApprovedError
-from vqa_state.files import write_atomically
 from vqa_state.models.address import ModelAddress, Source
+from vqa_state.storage.atomic_write import write_atomically
 
 __all__ = [
     "approve",

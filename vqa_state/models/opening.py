@@ -6,22 +6,22 @@ from importlib import import_module
 from pathlib import Path
 
 from vqa_state.errors import ModelError
+from vqa_state.models._base import VQAModel
 from vqa_state.models.address import ModelAddress, Source
-from vqa_state.models.base import VQAModel
-from vqa_state.models.families import Family, family_of, missing_weights
-from vqa_state.models.hub import cached_folder
+from vqa_state.models.hub.snapshots import cached_folder
 from vqa_state.models.import_faults import import_fault
-from vqa_state.models.runtime import choose_runtime
-from vqa_state.models.torch_loading import loading
+from vqa_state.models.local.families import Family, family_of, missing_weights
+from vqa_state.models.local.loading import loading
+from vqa_state.models.local.runtime import choose_runtime
 
 __all__ = ["folder_of", "open_model"]
 
 #: Family -> module and class; all take (folder, name, runtime, prompt).
 _CLASSES = {
-    Family.BLIP: ("vqa_state.models.blip", "BlipModel"),
-    Family.VILT: ("vqa_state.models.vilt", "ViltModel"),
-    Family.OFA: ("vqa_state.models.ofa.model", "OfaModel"),
-    Family.CHAT: ("vqa_state.models.chat", "ChatModel"),
+    Family.BLIP: ("vqa_state.models.local.blip", "BlipModel"),
+    Family.VILT: ("vqa_state.models.local.vilt", "ViltModel"),
+    Family.OFA: ("vqa_state.models.local.ofa.model", "OfaModel"),
+    Family.CHAT: ("vqa_state.models.chat.model", "ChatModel"),
 }
 
 
@@ -35,7 +35,7 @@ def open_model(address: ModelAddress) -> VQAModel:
     name = str(address)
     try:
         if address.source is Source.SERVER:
-            server = import_module("vqa_state.models.server")
+            server = import_module("vqa_state.models.server.model")
             return server.ServerModel(  # type: ignore[no-any-return]
                 address.where, address.model, name, address.prompt
             )

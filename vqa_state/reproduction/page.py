@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from vqa_state.files import write_atomically
-from vqa_state.project import Project
+from vqa_state.project.project import Project
+from vqa_state.project.split import Split
 from vqa_state.reproduction.running import Finished
 from vqa_state.reproduction.tables import (
     Remark,
@@ -18,7 +18,7 @@ from vqa_state.reproduction.tables import (
     shown,
     total_frame,
 )
-from vqa_state.splits import Split
+from vqa_state.storage.atomic_write import write_atomically
 
 __all__ = ["write_report"]
 

@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from vqa_state.asking import AskProgress, ask
 from vqa_state.errors import ProjectError
-from vqa_state.models.base import VQAModel
-from vqa_state.project import Project
+from vqa_state.models import VQAModel
+from vqa_state.project.project import Project
+from vqa_state.project.searches import Results
 from vqa_state.search.default import Engine
-from vqa_state.searches import Results
-from vqa_state.tuning import OptimizeProgress, optimize, results
+from vqa_state.study.collect import AskProgress, ask
+from vqa_state.study.optimize import OptimizeProgress, optimize, results
 
 __all__ = ["Finished", "Step", "copy_projects", "run"]
 

@@ -11,15 +11,15 @@ from enum import StrEnum
 import pandas as pd
 from scipy.stats import binomtest
 
-from vqa_state.evaluation import CONFIDENCE, Candidate, Row, exact_interval, paired_test
+from vqa_state.answers.rates import SubsetScore
+from vqa_state.evaluation.held_out import CONFIDENCE, Candidate, Row, exact_interval, paired_test
+from vqa_state.project.searches import Results
 from vqa_state.reproduction.paper import (
     BEST_QUESTION_OF_VARIOUS_DOORS,
     REPEATED,
     SUBSETS,
     paper_tables,
 )
-from vqa_state.scores import SubsetScore
-from vqa_state.searches import Results
 
 __all__ = [
     "Finding",

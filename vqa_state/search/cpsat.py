@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
-from vqa_state.search.classes import Integers, QuestionClasses, question_classes
+from vqa_state.answers.rates import Counts
 from vqa_state.search.fitness import Fitness
-from vqa_state.search.waiting import Work, most_seconds
+from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
+from vqa_state.search.question_classes import Integers, QuestionClasses, question_classes
+from vqa_state.search.solver_thread import Work, most_seconds
 
 if TYPE_CHECKING:
     from ortools.sat.python import cp_model

@@ -17,8 +17,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
-from vqa_state.search.climbing import Climber, Summit
+from vqa_state.answers.rates import Counts
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import (
     PAPER_SETTINGS,
@@ -28,6 +27,8 @@ from vqa_state.search.genetic import (
     search,
     stream,
 )
+from vqa_state.search.local_search import Climber, Summit
+from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
 
 __all__ = ["CLIMBS", "Engine", "default_search", "search_with"]
 

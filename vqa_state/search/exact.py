@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
-from vqa_state.search.classes import Integers, QuestionClasses, question_classes
+from vqa_state.answers.rates import Counts
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import fittest, require_searchable
-from vqa_state.search.waiting import Asker
+from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
+from vqa_state.search.question_classes import Integers, QuestionClasses, question_classes
+from vqa_state.search.solver_thread import Asker
 
 __all__ = ["MAX_SUBSETS", "ExactReport", "can_enumerate", "enumerate_subsets"]
 

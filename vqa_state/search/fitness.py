@@ -9,15 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vqa_state.scores import (
-    PAPER_WEIGHTS,
-    Counts,
-    Objective,
-    ObjectiveWeights,
-    mean_rate,
-    positions,
-    rate,
-)
+from vqa_state.answers.rates import Counts, mean_rate, positions, rate
+from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
 
 __all__ = ["EMPTY_SUBSET_FITNESS", "Fitness", "Terms"]
 

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vqa_state.answers.rates import Counts
 from vqa_state.errors import NothingToSearchError
-from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
 from vqa_state.search.fitness import Fitness, Terms
+from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
 
 __all__ = [
     "PAPER_SETTINGS",

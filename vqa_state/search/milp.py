@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vqa_state.scores import Counts, Objective
-from vqa_state.search.classes import QuestionClasses, question_classes
-from vqa_state.search.waiting import Work, most_seconds
+from vqa_state.answers.rates import Counts
+from vqa_state.search.objectives import Objective
+from vqa_state.search.question_classes import QuestionClasses, question_classes
+from vqa_state.search.solver_thread import Work, most_seconds
 
 if TYPE_CHECKING:
     from scipy.optimize import LinearConstraint, OptimizeResult

@@ -15,14 +15,15 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from vqa_state.scores import PAPER_WEIGHTS, Counts, Objective, ObjectiveWeights
-from vqa_state.search.climbing import Climber
+from vqa_state.answers.rates import Counts
 from vqa_state.search.cpsat import CLOSED, best_value
 from vqa_state.search.exact import can_enumerate, enumerate_subsets
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import better, require_searchable
+from vqa_state.search.local_search import Climber
 from vqa_state.search.milp import NODE_LIMITS, most_images
-from vqa_state.search.waiting import Asker, Work
+from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
+from vqa_state.search.solver_thread import Asker, Work
 
 __all__ = [
     "PROOF_TOLERANCE",

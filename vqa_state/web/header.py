@@ -10,10 +10,10 @@ from typing import Any
 import gradio as gr
 
 from vqa_state.errors import VQAStateError
-from vqa_state.web import checks, widgets
-from vqa_state.web.desk import Desk
+from vqa_state.web import arguments, widgets
 from vqa_state.web.page import OPTIONS, message
-from vqa_state.web.views import note
+from vqa_state.web.session import Desk
+from vqa_state.web.view_data import note
 
 __all__ = ["Parts", "build", "wire"]
 
@@ -94,8 +94,10 @@ def wire(parts: Parts, desk: Desk, demo: gr.Blocks, tabs: gr.Tabs) -> Any:
 
 def create(desk: Desk, name: Any, positive: Any, negative: Any) -> str:
     """Make a project of what was typed; its id."""
-    thing = checks.text(name, "the thing")
-    return desk.create(thing, checks.text(positive, "a state"), checks.text(negative, "a state"))
+    thing = arguments.text(name, "the thing")
+    return desk.create(
+        thing, arguments.text(positive, "a state"), arguments.text(negative, "a state")
+    )
 
 
 def arrival(desk: Desk, pid: str | None, tab: str | None) -> Any:

@@ -13,8 +13,8 @@ from typing import Any
 import gradio as gr
 
 from vqa_state.errors import VQAStateError
-from vqa_state.web import road
-from vqa_state.web.desk import Desk
+from vqa_state.web import next_step as road
+from vqa_state.web.session import Desk
 
 __all__ = ["Page", "message"]
 

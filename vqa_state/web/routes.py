@@ -14,18 +14,18 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from vqa_state.errors import NothingToSearchError, RecognizerError
-from vqa_state.images import MAX_BYTES
-from vqa_state.pace import read_pace
-from vqa_state.report_page import report_page
-from vqa_state.scores import Objective
-from vqa_state.splits import Split
-from vqa_state.standings import standings
-from vqa_state.tuning import recognizer_path
-from vqa_state.voting.kinds import VoteKind
-from vqa_state.web import checks, verdicts
-from vqa_state.web.adding import added_lines, with_breaths
-from vqa_state.web.desk import Desk
-from vqa_state.web.taken import Taken, found_and_assessed, taken_from, taken_recognizer
+from vqa_state.images.reading import MAX_BYTES
+from vqa_state.project.split import Split
+from vqa_state.report.page import report_page
+from vqa_state.search.objectives import Objective
+from vqa_state.study.latency import read_pace
+from vqa_state.study.leaderboard import standings
+from vqa_state.study.optimize import recognizer_path
+from vqa_state.votes.rules import VoteKind
+from vqa_state.web import arguments, try_recognizer
+from vqa_state.web.recognizer_choice import Taken, found_and_assessed, taken_from, taken_recognizer
+from vqa_state.web.session import Desk
+from vqa_state.web.uploads import added_lines, with_breaths
 
 __all__ = ["MAX_UPLOAD", "explain", "routes"]
 
@@ -59,12 +59,12 @@ def routes(desk: Desk) -> APIRouter:
 
     @router.post("/marks")
     async def marks(request: Request, pid: str) -> Response:
-        marked = checks.json_object(await _body(request, MAX_JSON))
+        marked = arguments.json_object(await _body(request, MAX_JSON))
         return await _json(lambda: _mark(desk, pid, marked))
 
     @router.post("/remove")
     async def remove(request: Request, pid: str) -> Response:
-        wanted = checks.json_object(await _body(request, MAX_JSON))
+        wanted = arguments.json_object(await _body(request, MAX_JSON))
         return await _json(lambda: _remove(desk, pid, wanted))
 
     @router.post("/recognize/{objective}")
@@ -79,18 +79,18 @@ def routes(desk: Desk) -> APIRouter:
     ) -> Response:
         data = await _body(request, MAX_BYTES)
         taken = _taken(vote, coverage, early, all)
-        return await _json(lambda: verdicts.of_picture(desk, pid, objective, data, taken))
+        return await _json(lambda: try_recognizer.of_picture(desk, pid, objective, data, taken))
 
     @router.get("/thumbs/{image_id}")
     def thumb(pid: str, image_id: str) -> Response:
         with desk.reading(pid) as project:
-            data = project.thumbnail(checks.known_image(project, image_id).id)
+            data = project.thumbnail(arguments.known_image(project, image_id).id)
         return Response(data, media_type="image/webp", headers=PICTURE_HEADERS)
 
     @router.get("/images/{image_id}")
     def image(pid: str, image_id: str) -> Response:
         with desk.reading(pid) as project:
-            found = checks.known_image(project, image_id)
+            found = arguments.known_image(project, image_id)
             data = project.read(found)
         return Response(data, media_type=IMAGE_TYPES[found.suffix], headers=PICTURE_HEADERS)
 
@@ -113,7 +113,7 @@ def routes(desk: Desk) -> APIRouter:
 
 async def explain(request: Request, error: Exception) -> Response:
     """A known error as JSON: its sentence, under a status that says whose fault it is."""
-    if isinstance(error, checks.TooLargeError):
+    if isinstance(error, arguments.TooLargeError):
         status = 413
     else:
         status = 404 if request.method == "GET" else 400
@@ -126,7 +126,7 @@ async def _body(request: Request, limit: int) -> bytes:
     async for chunk in request.stream():
         size += len(chunk)
         if size > limit:
-            raise checks.TooLargeError(
+            raise arguments.TooLargeError(
                 f"this is larger than {limit / 1e6:.0f} MB, the most that is read; make it smaller"
             )
         chunks.append(chunk)
@@ -139,29 +139,31 @@ async def _json(work: Callable[[], Mapping[str, Any]]) -> Response:
 
 
 def _mark(desk: Desk, pid: str, marked: Mapping[str, Any]) -> dict[str, Any]:
-    labels = checks.json_object(marked.get("labels", {}))
-    splits = checks.json_object(marked.get("splits", {}))
-    accepted = checks.json_object(marked.get("accepted", {}))
+    labels = arguments.json_object(marked.get("labels", {}))
+    splits = arguments.json_object(marked.get("splits", {}))
+    accepted = arguments.json_object(marked.get("accepted", {}))
     with desk.changing(pid) as project:
         for image_id, label in labels.items():
-            known = checks.known_image(project, image_id).id
+            known = arguments.known_image(project, image_id).id
             from_a_vote = accepted.get(image_id, False) is not False
             project.set_labels([known], _label(label), accepted=from_a_vote)
         for image_id, split in splits.items():
-            side = None if split is None else checks.choice(split, Split, "the side")
-            project.set_splits([checks.known_image(project, image_id).id], side)
+            side = None if split is None else arguments.choice(split, Split, "the side")
+            project.set_splits([arguments.known_image(project, image_id).id], side)
     return {}
 
 
 def _label(value: object) -> int | None:
     if value is None or (type(value) is int and value in (-1, 1)):
         return value
-    raise checks.RequestError("a label must be 1, -1 or null")
+    raise arguments.RequestError("a label must be 1, -1 or null")
 
 
 def _remove(desk: Desk, pid: str, wanted: Mapping[str, Any]) -> dict[str, Any]:
     with desk.changing(pid) as project:
-        ids = [checks.known_image(project, one).id for one in checks.image_ids(wanted.get("ids"))]
+        ids = [
+            arguments.known_image(project, one).id for one in arguments.image_ids(wanted.get("ids"))
+        ]
         project.remove(dict.fromkeys(ids))
     return {}
 
@@ -170,14 +172,14 @@ def _taken(vote: str, coverage: str, early: str, of_all: str) -> Taken:
     try:
         share = float(coverage)
     except ValueError as error:
-        raise checks.RequestError("the coverage must be a number above 0, at most 1") from error
+        raise arguments.RequestError("the coverage must be a number above 0, at most 1") from error
     if not {early, of_all} <= {"", "1"}:
-        raise checks.RequestError("early and all must be 1 or nothing")
+        raise arguments.RequestError("early and all must be 1 or nothing")
     return taken_from(vote, share, early == "1", of_all == "1")
 
 
 def _download(desk: Desk, pid: str, objective: str, taken: Taken) -> Response:
-    chosen = checks.choice(objective, Objective, "the objective")
+    chosen = arguments.choice(objective, Objective, "the objective")
     project = desk.snapshot(pid)
     path = recognizer_path(project, chosen)
     if taken.plain:

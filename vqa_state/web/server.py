@@ -15,11 +15,11 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from vqa_state.errors import VQAStateError
-from vqa_state.images import MAX_BYTES
-from vqa_state.web import site
-from vqa_state.web.desk import Desk
-from vqa_state.web.guard import LocalGuard
+from vqa_state.images.reading import MAX_BYTES
+from vqa_state.web import layout
 from vqa_state.web.routes import explain, routes
+from vqa_state.web.security import LocalGuard
+from vqa_state.web.session import Desk
 
 __all__ = ["build_api", "build_app", "main"]
 
@@ -36,8 +36,9 @@ def build_app(desk: Desk, hosts: Sequence[str] = ()) -> ASGIApp:
     """The whole app, for the projects on this desk; `hosts` are further names of this machine."""
     app = build_api(desk)
     gr.mount_gradio_app(
-        app, site.build(desk), path="/",
-        theme=site.theme(), css_paths=[site.STYLE], js=site.SCRIPT.read_text(encoding="utf-8"),
+        app, layout.build(desk), path="/",
+        theme=layout.theme(), css_paths=[layout.STYLE],
+        js=layout.SCRIPT.read_text(encoding="utf-8"),
         max_file_size=MAX_BYTES,
         footer_links=[], run_history=False, show_error=False, enable_monitoring=False,
     )  # fmt: skip

@@ -6,20 +6,21 @@ from typing import Any
 
 import gradio as gr
 
+from vqa_state.answers.rates import count
 from vqa_state.errors import NothingToSearchError, ProjectError
-from vqa_state.jobs import JobState, Snapshot, StopFlag, Work
-from vqa_state.recognizer_file import ProofRecord
-from vqa_state.scores import Objective, ObjectiveWeights, count
+from vqa_state.project.searches import Results
+from vqa_state.recognizer.schema import ProofRecord
 from vqa_state.search.default import Engine
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
+from vqa_state.search.objectives import Objective, ObjectiveWeights
 from vqa_state.search.proof import badge_sentence
-from vqa_state.searches import Results
-from vqa_state.tuning import OptimizeProgress, is_optimized, optimize, results
-from vqa_state.web import checks, watching, widgets
-from vqa_state.web.desk import Desk
+from vqa_state.study.optimize import OptimizeProgress, is_optimized, optimize, results
+from vqa_state.web import arguments, job_watcher, widgets
+from vqa_state.web.jobs import JobState, Snapshot, StopFlag, Work
 from vqa_state.web.page import Page
-from vqa_state.web.views import note
+from vqa_state.web.session import Desk
+from vqa_state.web.view_data import note
 
 __all__ = ["HINTS", "Parts", "build", "wire"]
 
@@ -109,7 +110,7 @@ def _numbers() -> tuple[gr.Number, ...]:
 def wire(parts: Parts, page: Page) -> None:
     """Connect the tab."""
     shown = [parts.note, parts.chart, parts.start, parts.stop]
-    follow = watching.Watch(KIND, view).wire(page, shown, parts.stop)
+    follow = job_watcher.Watch(KIND, view).wire(page, shown, parts.stop)
     page.fill(show, parts.numbers)
     page.fill(show_engine, [parts.engine])
     page.on(parts.engine.input, choose_engine, [parts.engine], [])
@@ -138,7 +139,7 @@ def show_engine(desk: Desk, pid: str) -> Any:
 
 def choose_engine(desk: Desk, pid: str, engine: Any) -> None:
     """Keep how the project searches."""
-    chosen = checks.choice(engine, Engine, "the engine")
+    chosen = arguments.choice(engine, Engine, "the engine")
     with desk.changing(pid) as project:
         project.engine = chosen
 
@@ -153,22 +154,22 @@ def start(desk: Desk, pid: str, *numbers: Any) -> None:
 def settle(desk: Desk, pid: str, *numbers: Any) -> None:
     """Check and keep the settings of the search."""
     population, generations, crossover, mutation, bit_flip, tournament, alpha, beta, seed = numbers
-    settings = checks.stated(
+    settings = arguments.stated(
         lambda: SearchSettings(
-            population=checks.integer(population, "the population"),
-            generations=checks.integer(generations, "the generations"),
-            crossover=checks.number(crossover, "the crossover probability"),
-            mutation=checks.number(mutation, "the mutation probability"),
-            bit_flip=checks.number(bit_flip, "the flip probability"),
-            tournament=checks.integer(tournament, "the tournament size"),
+            population=arguments.integer(population, "the population"),
+            generations=arguments.integer(generations, "the generations"),
+            crossover=arguments.number(crossover, "the crossover probability"),
+            mutation=arguments.number(mutation, "the mutation probability"),
+            bit_flip=arguments.number(bit_flip, "the flip probability"),
+            tournament=arguments.integer(tournament, "the tournament size"),
         )
     )
-    weights = checks.stated(
-        lambda: ObjectiveWeights(checks.number(alpha, "α"), checks.number(beta, "β"))
+    weights = arguments.stated(
+        lambda: ObjectiveWeights(arguments.number(alpha, "α"), arguments.number(beta, "β"))
     )
     with desk.changing(pid) as project:
         project.search, project.weights = settings, weights
-        project.search_seed = checks.integer(seed, "the seed of the search")
+        project.search_seed = arguments.integer(seed, "the seed of the search")
 
 
 def searching(desk: Desk, pid: str) -> Work:
@@ -187,11 +188,11 @@ def searching(desk: Desk, pid: str) -> Work:
 
 def view(desk: Desk, pid: str, snapshot: Snapshot | None) -> tuple[Any, ...]:
     """Note, chart, start and stop."""
-    buttons = watching.buttons(snapshot)
+    buttons = job_watcher.buttons(snapshot)
     if snapshot is None or snapshot.report is None or _is_outdated(desk, pid, snapshot):
         said, chart = _saved(desk, pid)
         if snapshot is not None and snapshot.report is None:
-            said = watching.before_reports(snapshot, "Reading the answers…")
+            said = job_watcher.before_reports(snapshot, "Reading the answers…")
         return said, chart, *buttons
     return _said(snapshot), _live_chart(snapshot.report), *buttons
 
@@ -218,7 +219,7 @@ def _said(snapshot: Snapshot) -> Any:
         case _ if progress.proving:
             lines = [f"{one.value}: {p.sentence}" for one, p in progress.proofs.items()]
             return note("\n".join([PROVING, *lines]))
-    return note(f"Searching: {at}{watching.left(progress.seconds_left)}", share=share)
+    return note(f"Searching: {at}{job_watcher.left(progress.seconds_left)}", share=share)
 
 
 def _live_chart(report: Searching) -> Any:

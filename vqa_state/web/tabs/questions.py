@@ -8,13 +8,13 @@ from typing import Any
 
 import gradio as gr
 
-from vqa_state.cues import with_cues
 from vqa_state.errors import QuestionError, VQAStateError
-from vqa_state.questions import Article, Form, Question, QuestionGrid, StatePhrase, Wording
-from vqa_state.web import checks, widgets
-from vqa_state.web.desk import Desk
+from vqa_state.questions.cues import with_cues
+from vqa_state.questions.grid import Article, Form, Question, QuestionGrid, StatePhrase, Wording
+from vqa_state.web import arguments, widgets
 from vqa_state.web.page import Page
-from vqa_state.web.views import note, questions_value
+from vqa_state.web.session import Desk
+from vqa_state.web.view_data import note, questions_value
 
 __all__ = ["Parts", "build", "wire"]
 
@@ -138,7 +138,7 @@ def edit(axis: str, desk: Desk, pid: str, seen: Any, value: Any) -> Any:
         seen: JSON list of what this page has seen in the field, the latest last.
         value: what stands in the field now.
     """
-    known = checks.json_list(seen, "what the page has seen")
+    known = arguments.json_list(seen, "what the page has seen")
     if not known or value == known[-1]:  # it was only passed through
         return gr.skip(), gr.skip()
     try:
@@ -177,10 +177,12 @@ def add_cues(desk: Desk, pid: str) -> Any:
 
 def switch(desk: Desk, pid: str, data: Any) -> Any:
     """Switch some questions on or off; the grid shows it already."""
-    sent = checks.json_object(data)
+    sent = arguments.json_object(data)
     texts, on = sent.get("texts"), sent.get("on")
     if not isinstance(texts, list) or not isinstance(on, bool):
-        raise checks.RequestError("to switch questions takes a list of their texts, and on or off")
+        raise arguments.RequestError(
+            "to switch questions takes a list of their texts, and on or off"
+        )
     with desk.changing(pid) as project:
         built = project.grid.build()
         known = {question.text for question in (*built.questions, *built.switched_off)}
@@ -192,25 +194,25 @@ def switch(desk: Desk, pid: str, data: Any) -> Any:
 
 
 def _with_wordings(grid: QuestionGrid, value: Any) -> QuestionGrid:
-    return replace(grid, wordings=tuple(map(Wording.parse, checks.lines(value, "the names"))))
+    return replace(grid, wordings=tuple(map(Wording.parse, arguments.lines(value, "the names"))))
 
 
 def _with_phrases(yes_means: int, grid: QuestionGrid, value: Any) -> QuestionGrid:
-    fresh = [StatePhrase(line, yes_means) for line in checks.lines(value, "the words")]
+    fresh = [StatePhrase(line, yes_means) for line in arguments.lines(value, "the words")]
     others = [phrase for phrase in grid.phrases if phrase.yes_means != yes_means]
     return replace(grid, phrases=tuple(sorted((*fresh, *others), key=_positive_first)))
 
 
 def _with_forms(grid: QuestionGrid, value: Any) -> QuestionGrid:
-    return replace(grid, forms=checks.choices(value, (Form.IS, Form.DOES), "the forms"))
+    return replace(grid, forms=arguments.choices(value, (Form.IS, Form.DOES), "the forms"))
 
 
 def _with_articles(grid: QuestionGrid, value: Any) -> QuestionGrid:
-    return replace(grid, articles=checks.choices(value, Article, "the articles"))
+    return replace(grid, articles=arguments.choices(value, Article, "the articles"))
 
 
 def _with_own(yes_means: int, grid: QuestionGrid, value: Any) -> QuestionGrid:
-    fresh = [Question(line, yes_means) for line in checks.lines(value, "your questions")]
+    fresh = [Question(line, yes_means) for line in arguments.lines(value, "your questions")]
     others = [question for question in grid.custom if question.yes_means != yes_means]
     return replace(grid, custom=tuple(sorted((*fresh, *others), key=_positive_first)))
 

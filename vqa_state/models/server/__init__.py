@@ -1,0 +1,4 @@
+"""Models behind OpenAI-compatible servers: calls, retries, faults, the circuit breaker.
+
+Nothing here loads a model.
+"""

@@ -1,1 +1,0 @@
-"""How the answers about an image become one vote: the paper's way, and ways learned from labels."""
