@@ -28,7 +28,7 @@ from benchmarks.model_folders import build_blip, build_idefics3, build_vilt
 from benchmarks.ofa_folder import build_ofa
 from benchmarks.plain_ways import Ask, Asked, plain_blip, plain_chat, plain_vilt
 from vqa_state.embedded_training.experiments import questions_about
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.address import Device, Precision
 from vqa_state.models.local.runtime import Runtime
 from vqa_state.models.vision_check import PROBES

@@ -6,7 +6,7 @@ import numpy as np
 
 from vqa_state.answers.parse import Answer
 from vqa_state.images import pixel_hash
-from vqa_state.models._base import Reply
+from vqa_state.models import Reply
 from vqa_state.project.split import Split
 from vqa_state.study.collect import answer_table, ask, plan
 

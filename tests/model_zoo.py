@@ -13,7 +13,7 @@ from stub_server import Stub, good
 from tiny_models import tiny_folder
 
 from vqa_state.answers.parse import Answer
-from vqa_state.models._base import VQAModel
+from vqa_state.models import VQAModel
 from vqa_state.models.address import Device, Precision
 from vqa_state.models.embedded.model import EmbeddedModel
 from vqa_state.models.local.runtime import Runtime

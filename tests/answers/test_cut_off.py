@@ -16,7 +16,7 @@ from vqa_state.answers import store
 from vqa_state.answers.parse import CUT_OFF, Answer, Reading
 from vqa_state.answers.store import AnswerStore, CopyKey
 from vqa_state.errors import ModelError, StoreError
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.address import ModelAddress
 from vqa_state.models.length_limit import FIELD, cut_off_words, max_tokens_of, with_max_tokens
 from vqa_state.models.server.model import ServerModel

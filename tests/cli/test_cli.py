@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from vqa_state import cli, models
 from vqa_state.answers.parse import Answer
 from vqa_state.cli import running
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.project.project import Project
 from vqa_state.recognizer.recognizer import Recognizer, WeightedQuestion, read_recognizer
 from vqa_state.search.objectives import Objective

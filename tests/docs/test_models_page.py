@@ -5,11 +5,11 @@ import re
 from pathlib import Path
 
 import pytest
-import test_model_contract as contract
+from models import test_contract as contract
 from PIL import Image
 
 from vqa_state import models
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 
 PAGE = (Path(__file__).parents[2] / "docs" / "models.md").read_text(encoding="utf-8")
 (CODE,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)

@@ -10,7 +10,7 @@ from model_zoo import zoo
 from PIL import Image
 
 from vqa_state.answers.parse import Answer
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 

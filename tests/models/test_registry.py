@@ -9,7 +9,7 @@ from pictures import draw
 from vqa_state import models
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import MissingPackageError, ModelError, UnknownModelError
-from vqa_state.models._base import Failure, Reply
+from vqa_state.models import Failure, Reply
 from vqa_state.testing.fake_model import ScriptedModel
 
 

@@ -17,7 +17,7 @@ from stub_server import free_port
 from benchmarks.model_folders import build_idefics3
 from vqa_state.answers.parse import Answer
 from vqa_state.answers.store import AnswerStore, copy_keys
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.server.model import CallBudget, ServerModel
 from vqa_state.project.split import Split
 from vqa_state.study.collect import ask, plan

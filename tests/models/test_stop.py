@@ -11,7 +11,7 @@ from transformers.models.idefics3.modeling_idefics3 import Idefics3ForConditiona
 from transformers.models.vilt.modeling_vilt import ViltPooler
 
 from vqa_state.answers.parse import Answer
-from vqa_state.models._base import Interruptible
+from vqa_state.models import Interruptible
 from vqa_state.models.local.ofa.network import Decoder
 
 IMAGES = [draw(0, (60, 40)), draw(1, (60, 40))]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pictures import picture
-from test_importing import empty, outcome, write, zipped
+from project.test_importing import empty, outcome, write, zipped
 
 from vqa_state.errors import ProjectError
 from vqa_state.project.folder_names import folder_label, why_no_label

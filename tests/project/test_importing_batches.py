@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 from pictures import draw, encode, picture
-from test_importing import HIDDEN, HOSTILE, TREE, empty, zipped
+from project.test_importing import HIDDEN, HOSTILE, TREE, empty, zipped
 
 from vqa_state.project import importing
 from vqa_state.project.importing import add_files, add_folder, add_zip, added_in_batches, in_turn

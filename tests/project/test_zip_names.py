@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pictures import picture
-from test_importing import outcome
+from project.test_importing import outcome
 
 from vqa_state.project.importing import add_zip
 from vqa_state.project.project import Project, StateNames

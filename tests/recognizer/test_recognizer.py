@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import ImageError, ModelError, RecognizerError
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.recognizer.recognizer import (
     Recognizer,
     WeightedQuestion,

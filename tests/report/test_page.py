@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 
 import pytest
 from pictures import picture
-from test_assessing import Colours
+from study.test_assess import Colours
 from tuned_project import MODEL, tuned_copy
 
 from vqa_state import __version__

@@ -11,7 +11,7 @@ from vqa_state.answers.parse import Answer
 from vqa_state.answers.table import MISSING
 from vqa_state.errors import ModelError
 from vqa_state.images.augmentation import copies
-from vqa_state.models._base import Failure, Reply
+from vqa_state.models import Failure, Reply
 from vqa_state.project.split import Split
 from vqa_state.study import collect
 from vqa_state.study.collect import answer_table, ask, plan

@@ -13,7 +13,7 @@ from vqa_state.answers.parse import Answer
 from vqa_state.answers.store import AnswerStore
 from vqa_state.errors import NothingToSearchError, ProjectError, StoreError
 from vqa_state.images.augmentation import Augmentation, AugmentationKind
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.project.project import Project
 from vqa_state.project.split import Split
 from vqa_state.questions.grid import Question, QuestionGrid

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from vqa_state.answers.parse import Answer
-from vqa_state.models._base import Failure, Reply
+from vqa_state.models import Failure, Reply
 from vqa_state.study.collect import ask, plan
 
 N_IMAGES, N_PAIRS = 6, 32

@@ -23,7 +23,7 @@ from vqa_state.cli import running
 from vqa_state.errors import MissingAnswersError, NothingToSearchError
 from vqa_state.images import read_picture
 from vqa_state.images.augmentation import copies
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.project.project import Project
 from vqa_state.project.searches import search_path
 from vqa_state.project.split import Split

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from kill_trust_worker import Brightness
-from test_assessing import without_time
+from study.test_assess import without_time
 from tuned_project import tuned_copy
 
 from vqa_state.project.project import Project

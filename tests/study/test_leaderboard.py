@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.stats import binomtest
-from test_assessing import Colours
+from study.test_assess import Colours
 from tuned_project import tuned_copy
 
 from vqa_state.evaluation.coverage import CoveragePoint

@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import pytest
 from pictures import picture
-from test_assessing import Colours, without_time
+from study.test_assess import Colours, without_time
 from tuned_project import MODEL, unsure
 
 from vqa_state.answers.parse import Answer
 from vqa_state.images import pixel_hash, read_picture
 from vqa_state.images.augmentation import copies
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.project.split import Split
 from vqa_state.report.frames import heatmap, term_sentences
 from vqa_state.search.genetic import SearchSettings

@@ -7,8 +7,7 @@ import pytest
 
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import ModelError
-from vqa_state.models import create
-from vqa_state.models._base import Failure, Reply
+from vqa_state.models import Failure, Reply, create
 from vqa_state.models.vision_check import N_CALLS, PROBES, Sight
 from vqa_state.study.collect import AskPlan
 from vqa_state.study.vision_check import Pace, check_model, first_look

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruling import equal_vote, rules, votes
-from test_abstaining import share_of
+from votes.test_reject_option import share_of
 
 from vqa_state.answers.table import MISSING
 from vqa_state.recognizer.counting import judged_so_far

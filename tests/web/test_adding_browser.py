@@ -10,7 +10,7 @@ import pytest
 from chromium import Watched, browser, open_tab, pytestmark, url
 from playwright.sync_api import Browser, Page, expect
 from stand_ins import picture
-from test_web_adding import slowed, zipped
+from web.test_adding import slowed, zipped
 
 from vqa_state.project.project import LabelledImage
 from vqa_state.testing.fake_model import ScriptedModel

@@ -14,8 +14,7 @@ from stub_server import Result, Stub
 from vqa_state import models
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import ModelError, NotApprovedError, VQAStateError
-from vqa_state.models import presets
-from vqa_state.models._base import Reply
+from vqa_state.models import Reply, presets
 from vqa_state.models.hub.snapshots import DownloadProgress
 from vqa_state.models.length_limit import FIELD
 from vqa_state.models.vision_check import N_CALLS

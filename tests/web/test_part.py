@@ -12,7 +12,7 @@ from starlette.testclient import TestClient
 from vqa_state import models
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import MissingAnswersError, NothingToSearchError
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.project.split import Split
 from vqa_state.recognizer.recognizer import Recognizer
 from vqa_state.search.default import Engine

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from starlette.testclient import TestClient
-from test_web_trust import STRANGE, assessed, client, quick
+from web.test_trust import STRANGE, assessed, client, quick
 
 from vqa_state.project.split import Split
 from vqa_state.study.build_recognizer import unchosen_recognizer

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from chromium import Watched, browser, open_tab, pytestmark, url
 from playwright.sync_api import Browser, Page, expect
-from test_web_trust import Colours
+from web.test_trust import Colours
 
 from vqa_state.project.split import Split
 from vqa_state.questions.grid import Question

@@ -29,7 +29,7 @@ from vqa_state.cli.terminal import (
     verdict_record,
 )
 from vqa_state.errors import ImageError, ModelError
-from vqa_state.models._base import VQAModel
+from vqa_state.models import VQAModel
 from vqa_state.models.length_limit import cut_off_words, with_max_tokens
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results

@@ -1,4 +1,4 @@
-"""`python -m vqa_state.embedded_training.render --out DIR`: render the scenes of one split to disk."""
+"""`python -m vqa_state.embedded_training.render --out DIR`: render the scenes of one split."""
 
 import argparse
 from collections.abc import Sequence

@@ -1,6 +1,7 @@
 """`python -m vqa_state.embedded_training.samples --out projects`: the eleven sample projects.
 
-With `--probes DIR` it writes the pictures that a new model is shown (`vqa_state/study/vision_check.py`).
+With `--probes DIR` it writes the pictures that a new model is shown
+(`vqa_state/models/vision_check.py`).
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""`python -m vqa_state.embedded_training.train --out DIR`: render, train, write weights.safetensors.
+"""`python -m vqa_state.embedded_training.train --out DIR`: render, train, write the weights.
 
 Everything costly is kept in DIR: pictures, what the frozen blocks make of them, the weights after
 each of the two stages. The same command goes on after the last scene, block of features or stage

@@ -1,9 +1,9 @@
 """The smallest sureness, learned for a wanted coverage.
 
 A robot may rather ask a person than act on a doubtful verdict. What is learned is one number: a
-vote whose sureness (vqa_state/votes/reject_option.py) is below it gets `unknown`. It comes from out-of-bag
-votes of the training images, that is from votes of recognizers that were chosen without the image,
-for the share of votes that shall give a verdict. Test images never enter it.
+vote whose sureness (`vqa_state.votes.reject_option`) is below it gets `unknown`. It comes from
+out-of-bag votes of the training images, that is from votes of recognizers that were chosen without
+the image, for the share of votes that shall give a verdict. Test images never enter it.
 
 Every single out-of-bag vote counts, one for each bag and each image that the bag lacks: a new image
 gets one vote, too. A mean over an image's votes spreads less than one vote does, so a sureness

@@ -1,8 +1,9 @@
 """The rival: what the user would have taken instead of questions, a small trained image classifier.
 
-Logistic regression on features of the embedded model's image network (`vqa_state.models.embedded.pooled`),
-trained on the same training images and judged on the same test images, in the same table, and out
-of bag on the very resamples that the votes were estimated on. If it wins, the report says so.
+Logistic regression on features of the embedded model's image network
+(`vqa_state.models.embedded.pooled`), trained on the same training images and judged on the same
+test images, in the same table, and out of bag on the very resamples that the votes were estimated
+on. If it wins, the report says so.
 
     odds(image) = w x + b,   x the mean features of its copies, standardized by the training images
 
@@ -143,8 +144,8 @@ def rival_out_of_bag(
         features: (n_images, n_copies, n_features).
         labels: +1 or -1, (n_images,).
         groups: number of each image's group of look-alikes, (n_images,).
-        bags: positions of each bag's images, from `vqa_state.evaluation.out_of_bag`, so that rival and votes
-            are judged on the same images.
+        bags: positions of each bag's images, from `vqa_state.evaluation.out_of_bag`, so that
+            rival and votes are judged on the same images.
 
     Yields:
         One report a bag. The caller stops by no longer iterating.

@@ -4,12 +4,22 @@ from collections.abc import Callable
 from importlib import import_module
 
 from vqa_state.errors import UnknownModelError
-from vqa_state.models._base import Failure, Reply, VQAModel
+from vqa_state.models._base import Failure, Interruptible, Reply, VQAModel
 from vqa_state.models.address import ModelAddress
 from vqa_state.models.approval import approve, check_approved, from_anywhere
 from vqa_state.models.import_faults import import_fault
 
-__all__ = ["Factory", "Failure", "Reply", "VQAModel", "choose", "create", "names", "register"]
+__all__ = [
+    "Factory",
+    "Failure",
+    "Interruptible",
+    "Reply",
+    "VQAModel",
+    "choose",
+    "create",
+    "names",
+    "register",
+]
 
 Factory = Callable[[], VQAModel]
 

@@ -18,7 +18,7 @@ from vqa_state.models._base import Interruptible, Reply, VQAModel
 
 __all__ = ["N_CALLS", "PROBES", "Probe", "Said", "Sight", "is_clear", "replies_until", "sight_of"]
 
-_FOLDER = Path(__file__).parent.with_name("probe_pictures")
+_FOLDER = Path(__file__).with_name("probe_pictures")
 
 # Places in `Probe.pictures`.
 _POSITIVE, _NEGATIVE, _BLANK, _AGAIN = range(4)

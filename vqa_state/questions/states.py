@@ -1,5 +1,6 @@
 """The user's names of the two states."""
 
+import re
 import unicodedata
 from dataclasses import dataclass
 

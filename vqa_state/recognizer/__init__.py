@@ -1,1 +1,4 @@
-"""TODO-PACKAGE."""
+"""The exported JSON recognizer: its schema, asking its questions about one image, its verdict.
+
+Runs without a project.
+"""

@@ -9,7 +9,7 @@ from vqa_state.answers.parse import Answer
 from vqa_state.errors import ModelError
 from vqa_state.images import pixel_hash, read_file, read_picture, rgb_pixels
 from vqa_state.images.augmentation import Augmentation, late_copies
-from vqa_state.models._base import Failure, VQAModel
+from vqa_state.models import Failure, VQAModel
 from vqa_state.recognizer.schema import Copies
 
 __all__ = ["ask_all", "picture_pixels", "shifted"]

@@ -20,7 +20,7 @@ from vqa_state import models
 from vqa_state.answers.parse import PARSER_VERSION, Answer
 from vqa_state.answers.table import MISSING
 from vqa_state.errors import RecognizerError
-from vqa_state.models._base import VQAModel
+from vqa_state.models import VQAModel
 from vqa_state.questions.grid import MAX_QUESTIONS
 from vqa_state.recognizer.counting import Said, Shares, as_arrays, as_verdict, judged_so_far
 from vqa_state.recognizer.inference import ask_all, picture_pixels, shifted

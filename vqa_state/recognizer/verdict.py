@@ -41,8 +41,9 @@ class Verdict:
         milliseconds: from the picture to the verdict.
         votes: all answers, by copy and question.
         n_skipped: calls that were saved because they could not change the verdict.
-        sureness: of the vote, in [0, 1]; see `vqa_state.votes.reject_option`. After an early stop, the least
-            that the answers not asked for could have left; the most, if the state is unknown.
+        sureness: of the vote, in [0, 1]; see `vqa_state.votes.reject_option`. After an early stop,
+            the least that the answers not asked for could have left; the most, if the state is
+            unknown.
         min_sureness: sureness that a verdict needs; below it, the state is unknown.
         n_copies: copies of the image.
         n_agreeing: copies whose own vote says what the whole vote says.

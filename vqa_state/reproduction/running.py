@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vqa_state.errors import ProjectError
-from vqa_state.models._base import VQAModel
+from vqa_state.models import VQAModel
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results
 from vqa_state.search.default import Engine

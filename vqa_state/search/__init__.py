@@ -1,1 +1,4 @@
-"""Choosing questions: each search yields frozen reports, and the caller draws or stops."""
+"""Choosing questions: objectives, genetic and exact search, proofs. Each yields frozen reports.
+
+The only package that knows deap and ortools; it sees counts of answers, never images or models.
+"""

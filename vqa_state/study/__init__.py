@@ -1,1 +1,4 @@
-"""TODO-PACKAGE."""
+"""The workflows on one open project: collect, optimize, assess, leaderboard, suggest, export.
+
+App and command line are two thin faces of what stands here; no gradio, no typer.
+"""

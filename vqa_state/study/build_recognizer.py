@@ -1,6 +1,7 @@
 """Recognizers made of a project's results: of the chosen questions, or of all.
 
-What they carry is decided here; `vqa_state.study.export` gives them another vote or lets them abstain.
+What they carry is decided here; `vqa_state.study.export` gives them another vote or lets them
+abstain.
 """
 
 from vqa_state.evaluation.held_out import Candidate, Interval, Row

@@ -21,7 +21,7 @@ from vqa_state.answers.table import MISSING, AnswerTable
 from vqa_state.errors import ImageError, ModelError, NothingToSearchError, ProjectError
 from vqa_state.images import pixel_hash, read_picture
 from vqa_state.images.augmentation import Augmentation, AugmentationKind, MadeLate, copy_of
-from vqa_state.models._base import Failure, Interruptible, Reply, VQAModel
+from vqa_state.models import Failure, Interruptible, Reply, VQAModel
 from vqa_state.project.project import LabelledImage, Project
 from vqa_state.project.split import Split
 from vqa_state.questions.grid import Question

@@ -17,7 +17,7 @@ from PIL.Image import Image
 from vqa_state.errors import ImageError, ModelError
 from vqa_state.images import read_picture
 from vqa_state.images.augmentation import copy_of
-from vqa_state.models._base import Failure, VQAModel
+from vqa_state.models import Failure, VQAModel
 from vqa_state.models.address import ModelAddress, Source
 from vqa_state.models.capability_cache import KnownModel, known_model, remember
 from vqa_state.models.memory import Memory

@@ -18,7 +18,7 @@ from vqa_state.evaluation.label_ranking import (
     doubtful_labels,
     suggestions,
 )
-from vqa_state.models._base import VQAModel
+from vqa_state.models import VQAModel
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results
 from vqa_state.project.split import Split

@@ -16,7 +16,7 @@ from vqa_state.errors import NothingToSearchError, RecognizerError
 from vqa_state.evaluation.held_out import Interval, exact_interval
 from vqa_state.evaluation.paired_tests import compare
 from vqa_state.images.augmentation import Augmentation
-from vqa_state.models._base import VQAModel
+from vqa_state.models import VQAModel
 from vqa_state.project.project import LabelledImage, Project
 from vqa_state.project.split import Split
 from vqa_state.questions.grid import Question, QuestionGrid

@@ -12,7 +12,7 @@ from PIL import Image
 
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import ModelError
-from vqa_state.models._base import Failure, VQAModel
+from vqa_state.models import Failure, VQAModel
 from vqa_state.models.capability_cache import KnownModel, known_as, known_model, remember
 from vqa_state.models.length_limit import cut_off_sentence
 from vqa_state.models.memory import Memory

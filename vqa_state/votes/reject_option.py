@@ -16,8 +16,8 @@ count half and the threshold is not 0.5, they would be sure of something otherwi
 *Agreement.* The share of the shifted copies whose own vote says the same as the whole vote.
 
 So margin, invalid share and disagreement among the copies are all in it, and an answer turned
-towards the winner never makes the vote less sure; vqa_state/votes/early_stop.py lives on that. How the
-smallest sureness is learned: vqa_state/evaluation/coverage.py.
+towards the winner never makes the vote less sure; vqa_state/votes/early_stop.py rests on that. How
+the smallest sureness is learned: vqa_state/evaluation/coverage.py.
 
 Source: paper II-A for the vote; the measure of sureness is this project's own.
 """

@@ -37,7 +37,8 @@ def build_app(desk: Desk, hosts: Sequence[str] = ()) -> ASGIApp:
     app = build_api(desk)
     gr.mount_gradio_app(
         app, layout.build(desk), path="/",
-        theme=layout.theme(), css_paths=[layout.STYLE], js=layout.SCRIPT.read_text(encoding="utf-8"),
+        theme=layout.theme(), css_paths=[layout.STYLE],
+        js=layout.SCRIPT.read_text(encoding="utf-8"),
         max_file_size=MAX_BYTES,
         footer_links=[], run_history=False, show_error=False, enable_monitoring=False,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from PIL import Image
 from safetensors.torch import load_file, save_file
 
 from vqa_state.errors import MissingPackageError, ModelError
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.address import Device, Precision
 from vqa_state.models.chat import asking, prefix_check
 from vqa_state.models.chat import model as chat

@@ -7,7 +7,7 @@ from tiny_models import tiny_folder
 
 from vqa_state.answers.parse import Answer
 from vqa_state.embedded_training.experiments import questions_about
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.address import Device, Precision
 from vqa_state.models.local.blip import MAX_ANSWER_TOKENS, BlipModel
 from vqa_state.models.local.runtime import Runtime

@@ -13,7 +13,7 @@ from tiny_models import tiny_folder
 
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import ModelError
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.address import Device, Precision
 from vqa_state.models.local.blip import BlipModel
 from vqa_state.models.local.classic import Said, TorchImageModel

@@ -10,7 +10,7 @@ from server_cases import QUICK, answers, error, hang, model_of, outcomes
 from stub_server import Result, free_port, good
 
 from vqa_state.answers.parse import Answer
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.server.model import CallBudget, ServerModel
 from vqa_state.study.collect import ask, plan
 

@@ -11,7 +11,7 @@ from server_cases import IMPATIENT, answers, cut_off, error, hang, model_of, onl
 from stub_server import Result, Stub, completion, good
 
 from vqa_state.answers.parse import Answer
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.server.model import CallBudget
 
 

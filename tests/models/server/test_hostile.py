@@ -9,7 +9,7 @@ from stub_server import Result, completion, good
 
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import ModelError
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.server import call as server_calls
 from vqa_state.models.server.model import list_models
 from vqa_state.study.collect import ask, plan

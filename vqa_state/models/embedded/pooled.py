@@ -1,7 +1,7 @@
 """What the embedded model's image network sees of a picture, as one row of numbers.
 
-The features of the trained rival (`vqa_state.evaluation.linear_probe`): what a user would have taken who had labelled
-images and an image network, and no questions.
+The features of the linear probe (`vqa_state.evaluation.linear_probe`): what a user would have taken
+who had labelled images and an image network, and no questions.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,1 +1,4 @@
-"""TODO-PACKAGE."""
+"""Models behind OpenAI-compatible servers: calls, retries, faults, the circuit breaker.
+
+Nothing here loads a model.
+"""

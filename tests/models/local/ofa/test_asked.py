@@ -15,7 +15,7 @@ from PIL import Image
 from safetensors.torch import load_file, save_file
 
 from vqa_state.errors import ModelError
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.address import Device, Precision
 from vqa_state.models.local.ofa import model as model_module
 from vqa_state.models.local.ofa.config import DecoderPrompt, read_folder

@@ -10,7 +10,7 @@ from pictures import draw
 from safetensors.torch import load_file, save_file
 
 from vqa_state.answers.parse import Answer
-from vqa_state.models._base import Failure
+from vqa_state.models import Failure
 from vqa_state.models.local.ofa import decoding
 from vqa_state.models.local.ofa.model import OfaModel
 from vqa_state.models.local.ofa.tokenizer import EOS
