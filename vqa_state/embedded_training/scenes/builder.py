@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
 
+from vqa_state.embedded_training.scenes.random_draws import RandomDraws
 from vqa_state.embedded_training.scenes.textures import (
     Colour,
     encode_png,
@@ -19,7 +19,6 @@ from vqa_state.embedded_training.scenes.textures import (
 
 __all__ = ["SceneBuilder", "Vector", "hinge", "slide"]
 
-T = TypeVar("T")
 Vector = tuple[float, float, float]
 
 #: How often a finish gets a texture instead of one flat colour, and which ones suit it.
@@ -35,36 +34,16 @@ _TEXTURES: dict[str, tuple[float, tuple[str, ...]]] = {
 }
 
 
-class SceneBuilder:
+class SceneBuilder(RandomDraws):
     """Collects geometry as XML. Lengths in metres, angles in radians, +z is up, +y is away."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self.rng = rng
+        super().__init__(rng)
         self.textures: dict[str, bytes] = {}
         self._assets: list[str] = []
         self._world: list[str] = []
         self._textured: set[str] = set()
         self._materials = 0
-
-    def uniform(self, low: float, high: float) -> float:
-        """One number in [low, high)."""
-        return float(self.rng.uniform(low, high))
-
-    def chance(self, probability: float) -> bool:
-        """True with the given probability."""
-        return bool(self.rng.random() < probability)
-
-    def count(self, low: int, high: int) -> int:
-        """One whole number from low to high, both included."""
-        return int(self.rng.integers(low, high + 1))
-
-    def pick(self, options: Sequence[T]) -> T:
-        """One of the options."""
-        return options[int(self.rng.integers(len(options)))]
-
-    def side(self) -> float:
-        """-1 (left, front) or +1 (right, back)."""
-        return self.pick((-1.0, 1.0))
 
     def material(self, finish: str = "any", *, glow: float = 0.0, alpha: float = 1.0) -> str:
         """Declare a material and return its name.
@@ -123,6 +102,11 @@ class SceneBuilder:
             half, angles = (width / 2, depth / 2, height / 2), (0.0, 0.0, turn)
         self.geom("box", half, material, at=at, turn=angles, name=name)
 
+    def pair(self, at: Vector, apart: float, size: Vector, material: str) -> None:
+        """Add two equal boxes, `apart` to the left and to the right of a place."""
+        for side in (-1, 1):
+            self.box((at[0] + side * apart, at[1], at[2]), size, material)
+
     def rod(self, start: Vector, end: Vector, radius: float, material: str) -> None:
         """Add a round bar."""
         self.geom("capsule", (radius,), material, along=(start, end))
@@ -131,6 +115,10 @@ class SceneBuilder:
         """Add a bent round bar through all points."""
         for start, end in pairwise(points):
             self.rod(start, end, radius, material)
+
+    def table(self, top: float, y: float = 0.1, depth: float = 1.4) -> None:
+        """Add a wooden board whose upper side is at height `top`."""
+        self.box((0, y, top - 0.03), (3, depth, 0.06), self.material("wood"))
 
     def lamp(self, name: str, at: Vector) -> None:
         """Add a lamp that is dark until a pose lights it."""
