@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from vqa_state.embedded_training.batches import UNKNOWN, Batch, Lessons
+from vqa_state.embedded_training.batches import UNKNOWN, Batch, BatchSampler
 from vqa_state.embedded_training.features import N_FROZEN_BLOCKS
 from vqa_state.embedded_training.scenes import THINGS
 from vqa_state.models.embedded.network import N_VIEWS, Memory, VQANetwork
 from vqa_state.models.embedded.vocabulary import NO, YES
 
-__all__ = ["StepReport", "grade", "train_reader", "tune_trunk"]
+__all__ = ["StepReport", "logit_differences", "train_reader", "tune_trunk"]
 
 #: Questions about each picture of a batch, as many for every view.
 _N_QUESTIONS = 2 * N_VIEWS
@@ -37,7 +37,7 @@ class StepReport:
 
 
 def train_reader(
-    network: VQANetwork, maps: Tensor, lessons: Lessons, n_epochs: float, batch_size: int = 64
+    network: VQANetwork, maps: Tensor, batches: BatchSampler, n_epochs: float, batch_size: int = 64
 ) -> Iterator[StepReport]:
     """Train everything but the trunk, whose tokens are computed once.
 
@@ -53,12 +53,12 @@ def train_reader(
         math.ceil(n_epochs * len(maps) / batch_size),
     )
     for _ in range(learner.n_steps):
-        batch = lessons.draw(batch_size, _N_QUESTIONS)
+        batch = batches.draw(batch_size, _N_QUESTIONS)
         yield learner.step(batch, network.remember(tokens[batch.rows].float()))
 
 
 def tune_trunk(
-    network: VQANetwork, maps: Tensor, lessons: Lessons, n_epochs: float, batch_size: int = 32
+    network: VQANetwork, maps: Tensor, batches: BatchSampler, n_epochs: float, batch_size: int = 32
 ) -> Iterator[StepReport]:
     """Train everything behind the frozen blocks, at a small learning rate."""
     late = list(network.trunk.blocks[N_FROZEN_BLOCKS:].parameters())
@@ -71,7 +71,7 @@ def tune_trunk(
     n_steps = math.ceil(n_epochs * len(maps) / batch_size)
     learner = _Learner(network, "trunk", groups, n_steps)
     for step in range(n_steps):
-        batch = lessons.draw(batch_size, _N_QUESTIONS)
+        batch = batches.draw(batch_size, _N_QUESTIONS)
         part = maps[batch.rows].float()
         # Mirrored maps are a cheap second version of every picture.
         part = part.flip(-1) if step % 2 else part
@@ -81,14 +81,14 @@ def tune_trunk(
 
 
 @torch.inference_mode()
-def grade(
-    network: VQANetwork, maps: Tensor, lessons: Lessons, n_batches: int = 40
+def logit_differences(
+    network: VQANetwork, maps: Tensor, batches: BatchSampler, n_batches: int = 40
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Logit differences (yes minus no) to questions whose answer is yes or no, and which it is."""
     network.eval()
     differences, truths = [], []
     for _ in range(n_batches):
-        batch = lessons.draw(32, _N_QUESTIONS)
+        batch = batches.draw(32, _N_QUESTIONS)
         part = maps[batch.rows].float().contiguous(memory_format=torch.channels_last)
         memory = network.remember(network.trunk.finish(part, N_FROZEN_BLOCKS))
         slots = network.read(batch.buckets)[batch.asked].unflatten(1, (N_VIEWS, -1))
