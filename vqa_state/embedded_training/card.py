@@ -1,7 +1,7 @@
 """The measured parts of docs/embedded_model.md, made from docs/embedded_model.json.
 
 Their text stands in two templates beside this file, one for the tables and one for a list of where
-the model fails; every number in them is filled in, so the words cannot drift from what was measured.
+the model fails. Numbers and what depends on them are filled in, so no word drifts from the figures.
 """
 
 from collections.abc import Mapping, Sequence
@@ -70,9 +70,7 @@ def tables(numbers: Mapping[str, Any]) -> str:
         comparisons=COMPARISONS,
         searched=_searched(numbers["tasks"]),
         noun_means=[_mean_of_nouns(numbers["nouns"], is_new) for is_new in (True, False)],
-        premise_things=list(
-            dict.fromkeys(o for row in numbers["premises"] for o in row["refused"])
-        ),
+        premise_things=_things_asked_about(numbers["premises"]),
     )
 
 
@@ -206,3 +204,7 @@ def _gain_interval(row: _Row) -> list[float]:
 def _mean_of_nouns(rows: Sequence[_Row], is_new: bool) -> float:
     fitting = [row["balanced"] for row in rows if row["is_new"] == is_new]
     return sum(fitting) / max(1, len(fitting))
+
+
+def _things_asked_about(rows: Sequence[_Row]) -> list[str]:
+    return list(dict.fromkeys(asked for row in rows for asked in row["refused"]))

@@ -10,7 +10,15 @@ from pydantic import TypeAdapter
 
 from vqa_state.embedded_training.scenes.simulation import Facts
 
-__all__ = ["Evidence", "Lexicon", "StateWords", "ThingWords", "lexicon", "shares_a_word"]
+__all__ = [
+    "Evidence",
+    "Lexicon",
+    "QuestionForms",
+    "StateWords",
+    "ThingWords",
+    "lexicon",
+    "shares_a_word",
+]
 
 #: Degrees of opening up to this are the negative state.
 _SHUT = 0.02
@@ -86,10 +94,30 @@ class ThingWords:
 
 
 @dataclass(frozen=True, slots=True)
-class Lexicon:
-    """All words. `unrelated` are questions that no picture of the things answers."""
+class QuestionForms:
+    """Forms of questions, by their kind; braces are filled with words."""
 
+    yes_no: tuple[str, ...]
+    which_state: tuple[str, ...]
+    what: tuple[str, ...]
+    presence: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Lexicon:
+    """All words.
+
+    Attributes:
+        generic_nouns: fit anything: the question is then about what the picture shows.
+        unrelated: questions that no picture of the things answers.
+        paper_wordings: the wordings of the paper's experiments.
+        forms, states, things, evidence: see their classes.
+    """
+
+    generic_nouns: tuple[str, ...]
     unrelated: tuple[str, ...]
+    paper_wordings: Mapping[str, tuple[str, ...]]
+    forms: QuestionForms
     states: Mapping[str, StateWords]
     things: Mapping[str, ThingWords]
     evidence: Mapping[str, tuple[Evidence, ...]]

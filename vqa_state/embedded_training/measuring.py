@@ -117,7 +117,7 @@ def answer_table(
     verdicts: NDArray[np.int8],
     p_positive: NDArray[np.float32],
 ) -> AnswerTable:
-    """A table of answers, (n_images, n_copies, n_questions), with the pictures' paths and labels."""
+    """A table of (n_images, n_copies, n_questions) answers, with the pictures' paths and labels."""
     names = tuple(str(example.path) for example in examples)
     labels = np.array([1 if example.is_positive else -1 for example in examples], np.int8)
     return AnswerTable(names, questions, verdicts, p_positive, labels)

@@ -15,37 +15,6 @@ T = TypeVar("T")
 
 _ARTICLES = ("a", "the", "this", "that")
 
-_IS = "Is {subject} {state}{tail}?"
-_DOES = "Does this image look like {subject} is {state}{tail}?"
-_OTHER_FORMS = (
-    "Can you see that {subject} is {state}{tail}?",
-    "Do you think {subject} is {state}{tail}?",
-    "Is it true that {subject} is {state}{tail}?",
-    "{subject} is {state}{tail}, right?",
-    "Would you say that {subject} is {state}{tail}?",
-    "Does it look as if {subject} is {state}{tail}?",
-    "Does {subject} look {state}{tail}?",
-    "Is {subject} in the picture {state}{tail}?",
-    "Has {subject} been left {state}{tail}?",
-)
-_CHOICES = (
-    "Is {subject} {positive} or {negative}{tail}?",
-    "Is {subject} {negative} or {positive}{tail}?",
-    "What is the state of {subject}{tail}?",
-    "Does {subject} look {positive} or {negative}{tail}?",
-)
-_WHAT = (
-    "What is this?",
-    "What is shown?",
-    "What thing is in the picture?",
-    "What do you see here?",
-    "Which object is this?",
-)
-_PRESENCE = ("Is there {} in the image?", "Can you see {} here?", "Is {} shown?")
-
-#: Nouns that fit anything: the question is then about what the picture shows.
-_GENERIC = ("thing", "object", "it", "item", "front", "device", "one", "part", "furniture")
-
 
 @dataclass(frozen=True, slots=True)
 class TrainingQuestion:
@@ -127,7 +96,7 @@ def _ask_false_premise(thing: str, rng: np.random.Generator) -> TrainingQuestion
 def _ask_which_state(thing: str, rng: np.random.Generator) -> TrainingQuestion:
     positive, negative = lexicon().states_of(thing).answers
     subject, tail = _subject(thing, rng)
-    form = _pick(rng, _CHOICES)
+    form = _pick(rng, lexicon().forms.which_state)
     text = form.format(subject=subject, positive=positive, negative=negative, tail=tail)
     return TrainingQuestion(text, positive, negative)
 
@@ -136,7 +105,7 @@ def _ask_what(thing: str, rng: np.random.Generator) -> TrainingQuestion:
     if thing in _SPECIAL and rng.random() < 0.4:
         return _SPECIAL[thing]
     answer = lexicon().things[thing].answer
-    return TrainingQuestion(_pick(rng, _WHAT), answer, answer)
+    return TrainingQuestion(_pick(rng, lexicon().forms.what), answer, answer)
 
 
 def _ask_presence(thing: str, rng: np.random.Generator) -> TrainingQuestion:
@@ -145,7 +114,7 @@ def _ask_presence(thing: str, rng: np.random.Generator) -> TrainingQuestion:
     words = lexicon().things[thing if is_there else _pick(rng, _others(thing))]
     noun = _pick(rng, [noun for noun in words.nouns if is_there or noun != "door"])
     subject = noun if words.tails else _with_article(_pick(rng, ("a", "a", "any")), noun)
-    form = _pick(rng, _PRESENCE)
+    form = _pick(rng, lexicon().forms.presence)
     if is_there and words.tails:
         # Water may stand in a sink in both states; what is always there is the faucet.
         return TrainingQuestion("Is there a faucet in the image?", "yes", "yes")
@@ -180,14 +149,14 @@ def _subject(thing: str, rng: np.random.Generator) -> tuple[str, str]:
     if chance < 0.8:
         noun = _pick(rng, words.nouns)
     else:
-        noun = _pick(rng, _GENERIC) if chance < 0.9 else _made_up_word(rng)
+        noun = _pick(rng, lexicon().generic_nouns) if chance < 0.9 else _made_up_word(rng)
     return _with_article(article, noun), _pick(rng, ("",) * 8 + (" in this picture", " now"))
 
 
 def _yes_no_text(rng: np.random.Generator, subject: str, tail: str, state: str) -> str:
-    """A yes/no question in one of the forms."""
-    chance = rng.random()
-    form = _IS if chance < 0.4 else _DOES if chance < 0.8 else _pick(rng, _OTHER_FORMS)
+    """A yes/no question; two forms, those of the paper, come four times out of ten each."""
+    forms, chance = lexicon().forms.yes_no, rng.random()
+    form = forms[0] if chance < 0.4 else forms[1] if chance < 0.8 else _pick(rng, forms[2:])
     return _sentence(form.format(subject=subject, state=state, tail=tail))
 
 

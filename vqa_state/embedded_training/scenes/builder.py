@@ -71,23 +71,19 @@ class SceneBuilder(RandomDraws):
         at: Vector | None = None,
         along: tuple[Vector, Vector] | None = None,
         turn: Vector | None = None,
-        name: str | None = None,
     ) -> None:
         """Add a primitive at a place, or along a segment (capsules, cylinders)."""
         where = f'pos="{_numbers(at)}"' if at is not None else ""
         if along is not None:
             where += f' fromto="{_numbers((*along[0], *along[1]))}"'
         rotation = f'euler="{_numbers(turn)}"' if turn is not None else ""
-        label = f'name="{name}"' if name is not None else ""
         extent = _numbers([max(value, 0.0005) for value in size])
         self._world.append(
-            f'<geom {label} type="{kind}" size="{extent}" {where} {rotation} '
+            f'<geom  type="{kind}" size="{extent}" {where} {rotation} '
             f'material="{material}" contype="0" conaffinity="0"/>'
         )
 
-    def box(
-        self, at: Vector, size: Vector, material: str, *, turn: float = 0.0, name: str | None = None
-    ) -> None:
+    def box(self, at: Vector, size: Vector, material: str, *, turn: float = 0.0) -> None:
         """Add a box of full extents `size`, turned about z.
 
         MuJoCo lays a picture on a geom's own x-y plane, so a textured upright board is made
@@ -100,7 +96,7 @@ class SceneBuilder(RandomDraws):
             half, angles = (height / 2, depth / 2, width / 2), (0.0, math.pi / 2, 0.0)
         else:
             half, angles = (width / 2, depth / 2, height / 2), (0.0, 0.0, turn)
-        self.geom("box", half, material, at=at, turn=angles, name=name)
+        self.geom("box", half, material, at=at, turn=angles)
 
     def pair(self, at: Vector, apart: float, size: Vector, material: str) -> None:
         """Add two equal boxes, `apart` to the left and to the right of a place."""

@@ -3,50 +3,39 @@
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from vqa_state.embedded_training.scenes import (
+    containers,
+    doorways,
+    furniture,
+    household,
+    openings,
+    sink,
+)
 from vqa_state.embedded_training.scenes.builder import SceneBuilder
-from vqa_state.embedded_training.scenes.containers import (
-    build_box_lid,
-    build_drawer,
-    build_laptop,
-    build_oven,
-)
-from vqa_state.embedded_training.scenes.doorways import (
-    build_door,
-    build_elevator,
-    build_transparent_door,
-)
-from vqa_state.embedded_training.scenes.furniture import (
-    build_cabinet,
-    build_microwave,
-    build_refrigerator,
-)
-from vqa_state.embedded_training.scenes.household import build_display, build_handbag, build_light
-from vqa_state.embedded_training.scenes.openings import build_curtain, build_gate, build_window
 from vqa_state.embedded_training.scenes.simulation import Blueprint
-from vqa_state.embedded_training.scenes.sink import build_water
 
 __all__ = ["BUILDERS", "PAPER_THINGS", "THINGS"]
 
 #: The ten things of the paper (section III), in its order, then seven that it does not have.
 BUILDERS: Mapping[str, Callable[[SceneBuilder], Blueprint]] = MappingProxyType(
     {
-        "door": build_door,
-        "elevator": build_elevator,
-        "cabinet": build_cabinet,
-        "refrigerator": build_refrigerator,
-        "microwave": build_microwave,
-        "transparent_door": build_transparent_door,
-        "light": build_light,
-        "display": build_display,
-        "handbag": build_handbag,
-        "water": build_water,
-        "drawer": build_drawer,
-        "window": build_window,
-        "curtain": build_curtain,
-        "laptop": build_laptop,
-        "box_lid": build_box_lid,
-        "gate": build_gate,
-        "oven": build_oven,
+        "door": doorways.build_door,
+        "elevator": doorways.build_elevator,
+        "cabinet": furniture.build_cabinet,
+        "refrigerator": furniture.build_refrigerator,
+        "microwave": furniture.build_microwave,
+        "transparent_door": doorways.build_transparent_door,
+        "light": household.build_light,
+        "display": household.build_display,
+        "handbag": household.build_handbag,
+        "water": sink.build_water,
+        "drawer": containers.build_drawer,
+        "window": openings.build_window,
+        "curtain": openings.build_curtain,
+        "laptop": containers.build_laptop,
+        "box_lid": containers.build_box_lid,
+        "gate": openings.build_gate,
+        "oven": containers.build_oven,
     }
 )
 
