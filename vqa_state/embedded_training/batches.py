@@ -12,10 +12,7 @@ from torch import Tensor
 from vqa_state.embedded_training.cache import digest
 from vqa_state.embedded_training.dataset import Example
 from vqa_state.embedded_training.scenes import THINGS
-from vqa_state.embedded_training.training_questions import (
-    TrainingQuestion,
-    make_training_questions,
-)
+from vqa_state.embedded_training.training_questions import TrainingQuestion, make_training_questions
 from vqa_state.models.embedded.text import encode_questions
 from vqa_state.models.embedded.vocabulary import ANSWERS
 

@@ -11,12 +11,7 @@ from pathlib import Path
 from rich.progress import track
 
 from vqa_state.embedded_training.cache import digest, digest_file
-from vqa_state.embedded_training.scenes import (
-    THINGS,
-    RenderedPicture,
-    SceneRenderer,
-    SceneSplit,
-)
+from vqa_state.embedded_training.scenes import THINGS, RenderedPicture, SceneRenderer, SceneSplit
 from vqa_state.embedded_training.scenes.simulation import Facts
 from vqa_state.errors import ProjectError
 

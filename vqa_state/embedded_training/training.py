@@ -104,11 +104,7 @@ class _Learner:
     """Optimiser, schedule and loss of one stage."""
 
     def __init__(
-        self,
-        network: VQANetwork,
-        stage: str,
-        groups: list[dict[str, object]],
-        n_steps: int,
+        self, network: VQANetwork, stage: str, groups: list[dict[str, object]], n_steps: int
     ) -> None:
         self.network = network.train()
         self._aid = _Aid(network)

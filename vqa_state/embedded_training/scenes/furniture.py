@@ -186,11 +186,7 @@ def _add_kitchen(scene: SceneBuilder, width: float, depth: float) -> None:
 
 
 def _add_control_panel(
-    scene: SceneBuilder,
-    size: tuple[float, float, float],
-    bottom: float,
-    panel: float,
-    finish: str,
+    scene: SceneBuilder, size: tuple[float, float, float], bottom: float, panel: float, finish: str
 ) -> None:
     width, depth, height = size
     x = width / 2 - panel / 2

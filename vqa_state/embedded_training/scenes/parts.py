@@ -140,12 +140,7 @@ def add_handle(
 
 
 def add_carcass(
-    scene: SceneBuilder,
-    size: Vector,
-    bottom: float,
-    outside: str,
-    inside: str,
-    board: float = 0.02,
+    scene: SceneBuilder, size: Vector, bottom: float, outside: str, inside: str, board: float = 0.02
 ) -> None:
     """A box of (width, depth, height) without a front, its opening at y = 0."""
     width, depth, height = size

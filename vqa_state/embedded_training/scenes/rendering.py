@@ -14,12 +14,7 @@ from PIL.Image import Image
 from vqa_state.embedded_training.scenes.builder import SceneBuilder
 from vqa_state.embedded_training.scenes.photography import photograph
 from vqa_state.embedded_training.scenes.random_draws import SceneSplit, scene_generator
-from vqa_state.embedded_training.scenes.simulation import (
-    Blueprint,
-    CameraRange,
-    Facts,
-    Simulation,
-)
+from vqa_state.embedded_training.scenes.simulation import Blueprint, CameraRange, Facts, Simulation
 from vqa_state.embedded_training.scenes.surroundings import add_surroundings
 from vqa_state.embedded_training.scenes.things import BUILDERS
 from vqa_state.errors import MissingPackageError
@@ -88,12 +83,7 @@ class SceneRenderer:
             ]
 
     def _pair(
-        self,
-        thing: str,
-        blueprint: Blueprint,
-        model: Any,
-        resources: Any,
-        rng: np.random.Generator,
+        self, thing: str, blueprint: Blueprint, model: Any, resources: Any, rng: np.random.Generator
     ) -> list[RenderedPicture]:
         """Both states from one camera; in two cases of five the camera moves between them."""
         sim = Simulation(model, self._mujoco.MjData(model), rng)
@@ -132,13 +122,7 @@ def drawing(mujoco: Any, model: Any) -> Iterator[Any]:
 
 
 def draw(
-    mujoco: Any,
-    model: Any,
-    data: Any,
-    camera: Any,
-    resources: Any,
-    size: int,
-    options: Any = None,
+    mujoco: Any, model: Any, data: Any, camera: Any, resources: Any, size: int, options: Any = None
 ) -> NDArray[np.uint8]:
     """What the camera sees: RGB of shape (size, size, 3). `options` says what is visible."""
     mujoco.mj_kinematics(model, data)
