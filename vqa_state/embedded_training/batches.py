@@ -16,14 +16,14 @@ from vqa_state.embedded_training.training_questions import TrainingQuestion, mak
 from vqa_state.models.embedded.text import encode_questions
 from vqa_state.models.embedded.vocabulary import ANSWERS
 
-__all__ = ["UNKNOWN", "Batch", "BatchSampler"]
+__all__ = ["UNKNOWN", "BatchSampler", "TrainingBatch"]
 
-#: The target of a question that nobody can answer for a picture; the loss leaves it out.
+#: The target of a question without a known answer for a picture; the loss leaves it out.
 UNKNOWN = -100
 
 
 @dataclass(frozen=True, slots=True)
-class Batch:
+class TrainingBatch:
     """Pictures and their questions.
 
     `rows` (n_images,) are positions in the list of examples. `buckets` are the batch's different
@@ -72,7 +72,7 @@ class BatchSampler:
         """Draw anew, so that a stage draws the same whether or not another ran before it."""
         self._rng = np.random.default_rng([self._seed, 2, stage])
 
-    def draw(self, n_images: int, n_questions: int) -> Batch:
+    def draw(self, n_images: int, n_questions: int) -> TrainingBatch:
         """A batch in which all pictures of a thing are asked the same questions.
 
         That keeps the number of different questions, which cost much to read, small.
@@ -93,7 +93,7 @@ class BatchSampler:
             for row, example in zip(rows, drawn, strict=True)
         ]
         meanings = [_meaning(self._asked[thing][n]) for thing in things for n in chosen[thing]]
-        return Batch(
+        return TrainingBatch(
             rows=rows,
             buckets=buckets[:, :longest],
             asked=torch.from_numpy(asked),

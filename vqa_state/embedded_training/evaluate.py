@@ -1,7 +1,7 @@
 """`python -m vqa_state.embedded_training.evaluate --out DIR`: measure the shipped weights.
 
-Pictures, answers and each task's numbers are kept in DIR. The same command goes on behind the last
-task that is finished.
+Pictures, answers and each task's numbers are cached in DIR. The same command goes on behind the
+last task that is finished.
 """
 
 import argparse

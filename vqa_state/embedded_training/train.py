@@ -49,7 +49,7 @@ _PHOTO_VARIATIONS = 10
 _N_QUESTIONS = 900
 
 #: One scene in this many does not train; the probabilities are calibrated on it.
-_KEPT_BACK = 12
+_HOLD_OUT = 12
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -97,18 +97,18 @@ def _train(chosen: argparse.Namespace, rendered: list[Example], log: TrainingLog
     load_imagenet(network.trunk)
     with log.timed("features"):
         examples, maps = _materials(chosen, network, rendered)
-    kept_back = torch.tensor([_is_kept_back(example) for example in examples])
-    training = [example for example in examples if not _is_kept_back(example)]
+    held_out = torch.tensor([_is_held_out(example) for example in examples])
+    training = [example for example in examples if not _is_held_out(example)]
     batches = BatchSampler(training, _N_QUESTIONS, chosen.seed)
     about = describe(chosen, training, batches.questions, digest_tensors(network.trunk))
     log.write({**about})
-    seconds = _learn(chosen, network, maps[~kept_back], batches, about, log)
-    if kept_back.any():
+    seconds = _learn(chosen, network, maps[~held_out], batches, about, log)
+    if held_out.any():
         kept = BatchSampler(
-            [each for each in examples if _is_kept_back(each)], _N_QUESTIONS, chosen.seed
+            [each for each in examples if _is_held_out(each)], _N_QUESTIONS, chosen.seed
         )
         network.temperature.fill_(
-            fit_temperature(*logit_differences(network, maps[kept_back], kept))
+            fit_temperature(*logit_differences(network, maps[held_out], kept))
         )
     times = {
         SECONDS: f"{seconds:.0f}",
@@ -169,9 +169,9 @@ def describe(
     }
 
 
-def _is_kept_back(example: Example) -> bool:
+def _is_held_out(example: Example) -> bool:
     source, _, number = example.scene.rpartition("/")
-    return source != "photo" and int(number) % _KEPT_BACK == _KEPT_BACK - 1
+    return source != "photo" and int(number) % _HOLD_OUT == _HOLD_OUT - 1
 
 
 def _materials(

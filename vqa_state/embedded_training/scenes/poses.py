@@ -21,7 +21,7 @@ def opening_facts(
         turns: whether it opens by turning, so that a leaf stands at an angle; None if it is no
             leaf.
         visible_from: the inside is visible above this degree.
-        passable_from: one can pass above this degree; None if nobody walks through.
+        passable_from: one can pass above this degree; None if it is no passage.
     """
     facts = {
         "degree": degree,

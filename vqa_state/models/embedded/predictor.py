@@ -84,7 +84,7 @@ class Predictor:
         take more memory and no less time.
         """
         pixels = torch.from_numpy(normalise(np.stack([to_square(image) for image in images])))
-        memory = self._network.see(pixels.contiguous(memory_format=torch.channels_last))
+        memory = self._network.encode_images(pixels.contiguous(memory_format=torch.channels_last))
         answered = torch.stack(
             [
                 self._network.answer(memory, block.expand(len(images), -1, -1, -1, -1))

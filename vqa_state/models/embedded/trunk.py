@@ -70,7 +70,7 @@ class SameConv(nn.Conv2d):
 
 
 class Block(nn.Module):
-    """Widen, look around in each channel, narrow; add the input where the shapes allow it."""
+    """An inverted residual block: expand, convolve each channel, project; add the input if it fits."""
 
     def __init__(self, inputs: int, group: BlockGroup, stride: int) -> None:
         super().__init__()
