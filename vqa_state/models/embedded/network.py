@@ -62,7 +62,7 @@ class SlotAttention(nn.Module):
     def forward(
         self, x: Tensor, memory: tuple[Tensor, Tensor], mask: Tensor | None = None
     ) -> Tensor:
-        """Slots (n, length, width) attend to a memory where `mask` (n, 1, 1, source length) is true."""
+        """Slots (n, length, width) attend to a memory where `mask`, (n, 1, 1, source), is true."""
         query = _split_heads(self.query(self.query_norm(x)))
         read = functional.scaled_dot_product_attention(query, *memory, attn_mask=mask)
         x = x + self.merge(read.transpose(1, 2).flatten(2))

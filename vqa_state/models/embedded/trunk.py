@@ -70,7 +70,7 @@ class SameConv(nn.Conv2d):
 
 
 class Block(nn.Module):
-    """An inverted residual block: expand, convolve each channel, project; add the input if it fits."""
+    """An inverted residual block: expand, convolve each channel, project, add what came in."""
 
     def __init__(self, inputs: int, group: BlockGroup, stride: int) -> None:
         super().__init__()
