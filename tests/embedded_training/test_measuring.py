@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 
 from vqa_state.answers.table import AnswerTable
-from vqa_state.embedded_training import task_cache
+from vqa_state.embedded_training import measurement_cache
 from vqa_state.embedded_training.gains import summarise_gains, summarise_groups
 from vqa_state.embedded_training.intervals import Tally
+from vqa_state.embedded_training.measurement_cache import measure_once
 from vqa_state.embedded_training.measuring import (
     N_PER_STATE,
     WAYS,
-    balanced,
     measure_task,
     whole_tally,
 )
-from vqa_state.embedded_training.task_cache import measure_once
 from vqa_state.questions.grid import Question
 
 N_IMAGES = 40
@@ -98,13 +97,8 @@ def test_too_few_pictures_are_voted_on_without_a_search():
 
 def test_a_vote_of_everything_is_tallied_once():
     answers = np.stack([always_right(), always_right(), always_positive()], axis=1)
-    tally = whole_tally(table(answers))
+    tally = whole_tally(table(answers), range(3))
     assert tally.recognized == {"asked": [1] * N_IMAGES}
-
-
-def test_balanced_weighs_states_alike():
-    labels = np.array([1, 1, 1, -1], np.int8)
-    assert balanced(np.array([True, True, True, False]), labels) == 0.5
 
 
 def right(group="scenes"):
@@ -138,7 +132,7 @@ def test_groups_are_summed_up_apart(leaning):
 def test_a_finished_task_is_not_measured_again(tmp_path, monkeypatch):
     answers = table(always_right()[:, None])
     first = measure_once(tmp_path, "right", "scenes", answers, 1, 1)
-    monkeypatch.setattr(task_cache, "measure_task", lambda *_: pytest.fail("measured again"))
+    monkeypatch.setattr(measurement_cache, "measure_task", lambda *_: pytest.fail("measured again"))
     assert measure_once(tmp_path, "right", "scenes", answers, 1, 1) == first
     assert isinstance(first.tally, Tally)
 
@@ -151,6 +145,6 @@ def test_a_task_is_measured_again_for_another(what, tmp_path, monkeypatch):
     if what == "answers":
         answers[0, 0] *= -1
     if what == "code":
-        monkeypatch.setattr(task_cache, "_CODE", task_cache._CODE[1:])
+        monkeypatch.setattr(measurement_cache, "_CODE", measurement_cache._CODE[1:])
     measure_once(tmp_path, "right", "scenes", table(answers), grid, n_draws)
     assert len(list(tmp_path.iterdir())) == 2

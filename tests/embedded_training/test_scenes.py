@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vqa_state.embedded_training.dataset import load_examples, pending_jobs, render_jobs
+from vqa_state.embedded_training.dataset import load_examples, render_split
 from vqa_state.embedded_training.photos import is_training_photo, load_photos
-from vqa_state.embedded_training.scenes import THINGS, SceneRenderer, Split
-from vqa_state.embedded_training.scenes.rendering import Picture
-from vqa_state.embedded_training.scenes.seeds import scene_generator
+from vqa_state.embedded_training.scenes import (
+    THINGS,
+    RenderedPicture,
+    SceneRenderer,
+    SceneSplit,
+)
+from vqa_state.embedded_training.scenes.random_draws import scene_generator
 from vqa_state.errors import ProjectError
 
 
@@ -21,8 +25,8 @@ def renderer():
 
 @pytest.mark.parametrize("thing", THINGS)
 def test_same_address_same_pictures(renderer, thing):
-    first = renderer.render(thing, Split.TRAIN, 7)
-    again = renderer.render(thing, Split.TRAIN, 7)
+    first = renderer.render(thing, SceneSplit.TRAIN, 7)
+    again = renderer.render(thing, SceneSplit.TRAIN, 7)
     assert [picture.is_positive for picture in first] == [True, False]
     for one, other in zip(first, again, strict=True):
         assert np.array_equal(np.asarray(one.image), np.asarray(other.image))
@@ -31,7 +35,7 @@ def test_same_address_same_pictures(renderer, thing):
 
 @pytest.mark.parametrize("thing", THINGS)
 def test_states_look_different(renderer, thing):
-    positive, negative = renderer.render(thing, Split.TRAIN, 8)
+    positive, negative = renderer.render(thing, SceneSplit.TRAIN, 8)
     difference = np.asarray(positive.image, float) - np.asarray(negative.image, float)
     assert np.abs(difference).mean() > 1
     assert positive.facts != negative.facts
@@ -41,19 +45,19 @@ def test_splits_share_no_randomness():
     draws = {
         (thing, split, seed): scene_generator(thing, split, seed).integers(2**62)
         for thing in THINGS
-        for split in Split
+        for split in SceneSplit
         for seed in range(200)
     }
     assert len(set(draws.values())) == len(draws)
 
 
 def test_splits_share_no_picture(renderer):
-    pictures = [renderer.render("door", split, 0)[0].image.tobytes() for split in Split]
-    assert len(set(pictures)) == len(Split)
+    pictures = [renderer.render("door", split, 0)[0].image.tobytes() for split in SceneSplit]
+    assert len(set(pictures)) == len(SceneSplit)
 
 
 def test_views_come_in_pairs(renderer):
-    labels = [p.is_positive for p in renderer.render("water", Split.TRAIN, 3, n_views=2)]
+    labels = [p.is_positive for p in renderer.render("water", SceneSplit.TRAIN, 3, n_views=2)]
     assert labels == [True, False, True, False]
 
 
@@ -90,9 +94,6 @@ def test_a_stopped_rendering_goes_on(tmp_path, monkeypatch):
     rendered = []
 
     class FakeRenderer:
-        def __init__(self, size):
-            self.size = size
-
         def __enter__(self):
             return self
 
@@ -102,10 +103,10 @@ def test_a_stopped_rendering_goes_on(tmp_path, monkeypatch):
         def render(self, thing, split, seed, n_views):
             rendered.append(seed)
             image = Image.new("RGB", (8, 8))
-            return [Picture(image, thing, positive, {}) for positive in (True, False)]
+            return [RenderedPicture(image, thing, positive, {}) for positive in (True, False)]
 
     monkeypatch.setattr("vqa_state.embedded_training.dataset.SceneRenderer", FakeRenderer)
     for n_scenes in (3, 5):
-        list(render_jobs(pending_jobs(tmp_path, Split.TRAIN, n_scenes, 1, ["door"])))
+        render_split(tmp_path, SceneSplit.TRAIN, n_scenes, 1, 1, ["door"])
     assert rendered == [0, 1, 2, 3, 4]
     assert len(load_examples(tmp_path)) == 10

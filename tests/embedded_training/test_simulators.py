@@ -5,13 +5,14 @@ import pytest
 
 from vqa_state.embedded_training import simulators
 from vqa_state.embedded_training.simulators import (
-    MEASURING_TASKS,
-    TRAINING_TASKS,
     SimulatorRenderer,
     load_tasks,
     render_tasks,
+    simulator_tasks,
 )
 from vqa_state.errors import MissingPackageError
+
+MEASURING_TASKS, TRAINING_TASKS = simulator_tasks(train=False), simulator_tasks(train=True)
 
 #: The kitchen takes seconds to load, so it is looked at once; the others are quick.
 QUICK = ["adroit_door", *TRAINING_TASKS]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from vqa_state.embedded_training.batches import Lessons
+from vqa_state.embedded_training.batches import BatchSampler
 from vqa_state.embedded_training.dataset import Example
-from vqa_state.embedded_training.training import grade, train_reader, tune_trunk
+from vqa_state.embedded_training.training import logit_differences, train_reader, tune_trunk
 from vqa_state.models.embedded.network import VQANetwork
 from vqa_state.models.embedded.weights import load_stage, save_network
 
@@ -33,9 +33,9 @@ def maps():
 
 def trained(examples, maps, stage, n_epochs):
     torch.manual_seed(0)
-    network, lessons = VQANetwork(), Lessons(examples, 60, seed=0)
-    lessons.restart(0)
-    reports = list(stage(network, maps, lessons, n_epochs, 12))
+    network, batches = VQANetwork(), BatchSampler(examples, 60, seed=0)
+    batches.restart(0)
+    reports = list(stage(network, maps, batches, n_epochs, 12))
     return network, reports
 
 
@@ -75,8 +75,8 @@ def test_the_reader_leaves_the_trunk_alone_and_tuning_its_first_blocks(examples,
     )
 
 
-def test_lessons_follow_the_label(examples):
-    batch = Lessons(examples, 60, seed=0).draw(16, 12)
+def test_batches_follow_the_label(examples):
+    batch = BatchSampler(examples, 60, seed=0).draw(16, 12)
     assert batch.asked.shape == batch.targets.shape == (16, 12)
     assert set(batch.states.tolist()) <= {0.0, 1.0}
     assert all(
@@ -87,7 +87,9 @@ def test_lessons_follow_the_label(examples):
 
 def test_grading_asks_for_yes_and_no_only(examples, maps):
     network = trained(examples, maps, train_reader, 0.5)[0]
-    differences, truths = grade(network, maps, Lessons(examples, 60, seed=1), n_batches=2)
+    differences, truths = logit_differences(
+        network, maps, BatchSampler(examples, 60, seed=1), n_batches=2
+    )
     assert differences.shape == truths.shape
     assert np.isfinite(differences).all()
     assert 0 < truths.mean() < 1

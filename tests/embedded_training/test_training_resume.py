@@ -11,11 +11,11 @@ import torch
 from PIL import Image
 
 from vqa_state.embedded_training import train
-from vqa_state.embedded_training.batches import Lessons
-from vqa_state.embedded_training.dataset import Example, pending_jobs
-from vqa_state.embedded_training.digests import digest, digest_examples, digest_tensors
+from vqa_state.embedded_training.batches import BatchSampler
+from vqa_state.embedded_training.cache import digest, digest_tensors
+from vqa_state.embedded_training.dataset import Example, digest_examples, render_split
 from vqa_state.embedded_training.features import embed_examples
-from vqa_state.embedded_training.scenes import Split
+from vqa_state.embedded_training.scenes import SceneSplit
 from vqa_state.embedded_training.simulators import render_tasks
 from vqa_state.embedded_training.training_log import TrainingLog
 from vqa_state.errors import ProjectError
@@ -101,9 +101,9 @@ def test_parts_do_not_run_together():
     assert digest(["a"], "b") != digest(["a", "b"])
 
 
-def about(pictures, lessons=None, trunk="t", **settings):
+def about(pictures, batches=None, trunk="t", **settings):
     chosen = {"seed": 0, "views": 3, "epochs": 1.0, "tuning_epochs": 1.0, **settings}
-    questions = (lessons or Lessons(pictures, 20, 0)).questions
+    questions = (batches or BatchSampler(pictures, 20, 0)).questions
     return train.describe(argparse.Namespace(**chosen), pictures, questions, trunk)
 
 
@@ -121,7 +121,7 @@ def test_another_photo_in_the_place_of_one_is_another_training(pictures):
 
 
 def test_other_questions_are_another_training(pictures):
-    fewer, same = Lessons(pictures, 10, 0), Lessons(pictures, 20, 0)
+    fewer, same = BatchSampler(pictures, 10, 0), BatchSampler(pictures, 20, 0)
     assert about(pictures, fewer) != about(pictures, same) == about(pictures)
 
 
@@ -136,9 +136,10 @@ def test_other_views_in_an_old_folder_are_refused(tmp_path):
     record = tmp_path / "door" / "00000.json"
     record.parent.mkdir()
     record.write_text(json.dumps([{}] * 6), "utf-8")
-    assert pending_jobs(tmp_path, Split.TRAIN, 1, 3, ["door"]) == []
+    render_split(tmp_path, SceneSplit.TRAIN, 1, 3, 1, ["door"])
+    assert [path.name for path in record.parent.iterdir()] == [record.name]
     with pytest.raises(ProjectError, match="rendered with 3 views, not with 2; give --views 3"):
-        pending_jobs(tmp_path, Split.TRAIN, 1, 2, ["door"])
+        render_split(tmp_path, SceneSplit.TRAIN, 1, 2, 1, ["door"])
 
 
 def test_other_views_of_a_simulator_are_refused(tmp_path):

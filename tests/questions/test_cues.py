@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vqa_state.embedded_training.evidence import EVIDENCE, Evidence
+from vqa_state.embedded_training.lexicon import Evidence, lexicon
 from vqa_state.errors import QuestionError
 from vqa_state.questions.cues import CUED_STATES, ready_cues, with_cues
 from vqa_state.questions.grid import Form, QuestionGrid, Wording, phrases_for
@@ -36,7 +36,7 @@ def test_both_states_are_asked_for(state):
 def test_every_cue_was_taught_to_the_embedded_model():
     taught = {
         words
-        for ways in EVIDENCE.values()
+        for ways in lexicon().evidence.values()
         for evidence in ways
         for words in (*evidence.phrases, *evidence.questions)
     }
@@ -66,7 +66,11 @@ def test_a_thing_without_a_name_is_named_first():
 class TestEvidence:
     @given(st.floats(0, 1))
     def test_ever_wider_phrases_hold_ever_less_often(self, degree):
-        steps = [each for each in EVIDENCE["door"] if each.fact == "degree" and each.up_to == 1]
+        steps = [
+            each
+            for each in lexicon().evidence_of("door")
+            if each.fact == "degree" and each.up_to == 1
+        ]
         held = [each.holds(degree > 0, {"degree": degree}) for each in steps]
         assert held == sorted(held, reverse=True)
 

@@ -1,7 +1,7 @@
 """Batches: which pictures, which questions, and the right answers."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,21 +9,21 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from vqa_state.embedded_training.curriculum import Drill, make_drills
+from vqa_state.embedded_training.cache import digest
 from vqa_state.embedded_training.dataset import Example
-from vqa_state.embedded_training.digests import digest
 from vqa_state.embedded_training.scenes import THINGS
+from vqa_state.embedded_training.training_questions import TrainingQuestion, make_training_questions
 from vqa_state.models.embedded.text import encode_questions
 from vqa_state.models.embedded.vocabulary import ANSWERS
 
-__all__ = ["UNKNOWN", "Batch", "Lessons"]
+__all__ = ["UNKNOWN", "BatchSampler", "TrainingBatch"]
 
-#: The target of a question that nobody can answer for a picture; the loss leaves it out.
+#: The target of a question without a known answer for a picture; the loss leaves it out.
 UNKNOWN = -100
 
 
 @dataclass(frozen=True, slots=True)
-class Batch:
+class TrainingBatch:
     """Pictures and their questions.
 
     `rows` (n_images,) are positions in the list of examples. `buckets` are the batch's different
@@ -42,75 +42,76 @@ class Batch:
     meanings: Tensor
 
 
-class Lessons:
+class BatchSampler:
     """Draws batches from examples; rare kinds of pictures come up more often than their share."""
 
-    def __init__(self, examples: Sequence[Example], n_drills: int, seed: int) -> None:
+    def __init__(self, examples: Sequence[Example], n_questions: int, seed: int) -> None:
+        """Make up to `n_questions` different questions about each thing that the examples show."""
         self._rng = np.random.default_rng([seed, 1])
         self._seed = seed
         self._examples = examples
         things = sorted({example.thing for example in examples})
-        self._drills = {thing: make_drills(thing, n_drills, self._rng) for thing in things}
+        self._asked = {
+            thing: make_training_questions(thing, n_questions, self._rng) for thing in things
+        }
         self._buckets = {
-            thing: torch.from_numpy(encode_questions([drill.text for drill in drills]))
-            for thing, drills in self._drills.items()
+            thing: torch.from_numpy(encode_questions([question.text for question in questions]))
+            for thing, questions in self._asked.items()
         }
-        self._meanings = {
-            thing: torch.tensor([_meaning(drill) for drill in drills])
-            for thing, drills in self._drills.items()
-        }
-        self._targets = [_targets(example, self._drills) for example in examples]
+        self._targets = [_targets(example, self._asked[example.thing]) for example in examples]
         self._shares = _shares(examples)
 
     @property
     def questions(self) -> str:
         """A digest of all questions that may be drawn, and of their answers."""
         return digest(
-            *([thing, [repr(drill) for drill in drills]] for thing, drills in self._drills.items())
+            *([thing, [repr(one) for one in questions]] for thing, questions in self._asked.items())
         )
 
     def restart(self, stage: int) -> None:
         """Draw anew, so that a stage draws the same whether or not another ran before it."""
         self._rng = np.random.default_rng([self._seed, 2, stage])
 
-    def draw(self, n_images: int, n_questions: int) -> Batch:
+    def draw(self, n_images: int, n_questions: int) -> TrainingBatch:
         """A batch in which all pictures of a thing are asked the same questions.
 
         That keeps the number of different questions, which cost much to read, small.
         """
         rows = self._rng.choice(len(self._examples), n_images, p=self._shares)
-        things = sorted({self._examples[row].thing for row in rows})
+        drawn = [self._examples[row] for row in rows]
+        things = sorted({example.thing for example in drawn})
         chosen = {
-            thing: self._rng.choice(len(self._drills[thing]), n_questions, replace=False)
+            thing: self._rng.choice(len(self._asked[thing]), n_questions, replace=False)
             for thing in things
         }
         buckets = torch.cat([self._buckets[thing][chosen[thing]] for thing in things])
         longest = int((buckets[:, :, 0] > 0).sum(dim=1).max())
         first = {thing: number * n_questions for number, thing in enumerate(things)}
-        asked = np.stack(
-            [first[self._examples[row].thing] + np.arange(n_questions) for row in rows]
-        )
-        targets = np.stack([self._targets[row][chosen[self._examples[row].thing]] for row in rows])
-        drawn = [self._examples[row] for row in rows]
-        return Batch(
+        asked = np.stack([first[example.thing] + np.arange(n_questions) for example in drawn])
+        targets = [
+            self._targets[row][chosen[example.thing]]
+            for row, example in zip(rows, drawn, strict=True)
+        ]
+        meanings = [_meaning(self._asked[thing][n]) for thing in things for n in chosen[thing]]
+        return TrainingBatch(
             rows=rows,
             buckets=buckets[:, :longest],
             asked=torch.from_numpy(asked),
-            targets=torch.from_numpy(targets),
+            targets=torch.from_numpy(np.stack(targets)),
             states=torch.tensor([float(example.is_positive) for example in drawn]),
             things=torch.tensor([THINGS.index(example.thing) for example in drawn]),
-            meanings=torch.cat([self._meanings[thing][chosen[thing]] for thing in things]),
+            meanings=torch.tensor(meanings),
         )
 
 
-def _meaning(drill: Drill) -> int:
-    if drill.evidence is not None:
+def _meaning(question: TrainingQuestion) -> int:
+    if question.evidence is not None:
         return UNKNOWN
-    return {("yes", "no"): 0, ("no", "yes"): 1}.get((drill.when_true, drill.when_false), 2)
+    return {("yes", "no"): 0, ("no", "yes"): 1}.get((question.when_true, question.when_false), 2)
 
 
-def _targets(example: Example, drills: Mapping[str, Sequence[Drill]]) -> NDArray[np.int64]:
-    answers = [drill.answer(example.is_positive, example.facts) for drill in drills[example.thing]]
+def _targets(example: Example, questions: Sequence[TrainingQuestion]) -> NDArray[np.int64]:
+    answers = [question.answer(example.is_positive, example.facts) for question in questions]
     numbers = [UNKNOWN if answer is None else ANSWERS.index(answer) for answer in answers]
     return np.array(numbers, np.int64)
 

@@ -1,4 +1,4 @@
-"""How much a stated probability is worth: fitting a temperature, and measuring the error.
+"""Calibration of probabilities: fitting a temperature, and the expected calibration error.
 
 Source: C. Guo et al., *On Calibration of Modern Neural Networks*, ICML 2017.
 """

@@ -1,29 +1,36 @@
-"""The measured parts of docs/embedded_model.md, made from docs/embedded_model.json."""
+"""The measured parts of docs/embedded_model.md, made from docs/embedded_model.json.
+
+Their text stands in two templates beside this file, one for the tables and one for a list of where
+the model fails. Numbers and what depends on them are filled in, so no word drifts from the figures.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vqa_state.embedded_training.card_words import (
-    GROUPS,
-    failures,
-    name_of,
-    percent,
-    points,
-    short_name,
-)
-from vqa_state.embedded_training.gains import COMPARISONS
-from vqa_state.embedded_training.measuring import WAYS
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-__all__ = ["MARKS", "tables", "with_tables"]
+from vqa_state.embedded_training.gains import COMPARISONS
+from vqa_state.embedded_training.intervals import Tally, resampled, spread
+
+__all__ = ["MARKS", "failures", "points", "tables", "with_tables"]
 
 #: What stands between such a pair of lines of the card is written by `evaluate`.
 MARKS: Mapping[str, tuple[str, str]] = {
     part: (f"<!-- {part}: begin -->", f"<!-- {part}: end -->") for part in ("measured", "failures")
 }
 
-_Row = Mapping[str, Any]
+#: A grid that calls this much more or less than half of the pictures positive leans.
+_LEAN = 0.1
 
-_WAYS = {
+#: Pairs of a false premise that are refused less often than this are named.
+_SELDOM = 0.5
+
+_GROUP_NAMES = {
+    "scenes": "scenes of the measuring split",
+    "foreign": "other people's simulators",
+    "photos": "photos, the measuring half",
+}
+_WAY_HEADS = {
     "s_plus": "**s+**",
     "s_plus_random": "s+, random start",
     "s_plus_grid": "s+ in the grid only",
@@ -31,24 +38,9 @@ _WAYS = {
     "all_questions": "grid and cues, all",
     "single": "best single",
 }
-_IN_WORDS = {"s_plus": "s+", "s_plus_random": "s+ from a random start", "single": "best single"}
+_WAY_NAMES = {"s_plus": "s+", "s_plus_random": "s+ from a random start"}
 
-
-def tables(numbers: Mapping[str, Any]) -> str:
-    """All tables and the facts about the file, as Markdown."""
-    parts = [
-        _facts(numbers["file"], numbers["speed"]),
-        _accuracies(numbers["tasks"]),
-        _means(numbers["groups"]),
-        _worst(numbers["tasks"]),
-        _gains(numbers["gains"]),
-        _group_gains(numbers["groups"]),
-        _spread(numbers["tasks"]),
-        _calibration(numbers["calibration"]),
-        _nouns(numbers["nouns"]),
-        _premises(numbers["premises"]),
-    ]
-    return "\n\n".join(parts)
+_Row = Mapping[str, Any]
 
 
 def with_tables(card: str, numbers: Mapping[str, Any]) -> str:
@@ -67,195 +59,152 @@ def with_tables(card: str, numbers: Mapping[str, Any]) -> str:
     return card
 
 
-def _facts(file: _Row, speed: _Row | None) -> str:
-    training = file["training"]
-    return (
-        f"Training: seed {training['seed']}, {training['scenes']} rendered pictures, "
-        f"{training['simulators']} of a foreign simulator, {training['photos']} variations of "
-        f"photos, {training['epochs']} epochs. {_training_time(training)} Weights: "
-        f"{file['megabytes']} MB, {file['parameters']:,} parameters in float16, SHA-256 starts "
-        f"with `{file['digest']}`. 120 pictures with 64 questions each: {_speed(speed)}."
+def tables(numbers: Mapping[str, Any]) -> str:
+    """All tables and the facts about the file, as Markdown."""
+    return _fill(
+        "card_measured.md.jinja",
+        numbers,
+        ways=_WAY_HEADS.keys(),
+        way_heads=_WAY_HEADS.values(),
+        way_names=_WAY_NAMES,
+        comparisons=COMPARISONS,
+        searched=_searched(numbers["tasks"]),
+        noun_means=[_mean_of_nouns(numbers["nouns"], is_new) for is_new in (True, False)],
+        premise_things=_things_asked_about(numbers["premises"]),
     )
 
 
-def _training_time(training: _Row) -> str:
-    if "seconds" not in training:
-        return "Training time: not recorded for the shipped weights."
-    stages, before = (int(training[key]) / 60 for key in ("seconds", "seconds_before"))
-    return f"Training time: {stages:.0f} minutes, after {before:.0f} for scenes and features."
-
-
-def _speed(speed: _Row | None) -> str:
-    if speed is None:
-        return "not measured"
-    return (
-        f"{speed['seconds_120x64']} s on {speed['threads']} processor threads of an idle machine "
-        f"({speed['date']})"
+def failures(numbers: Mapping[str, Any]) -> str:
+    """A list of where the model fails, as Markdown."""
+    tasks, searched = numbers["tasks"], _searched(numbers["tasks"])
+    pairs = sorted(
+        (share, row["shown"].replace("_", " "), asked.replace("_", " "))
+        for row in numbers["premises"]
+        for asked, share in row["refused"].items()
+    )
+    photos = searched.get("photos", [])
+    calibration = numbers["calibration"]
+    return _fill(
+        "card_failures.md.jinja",
+        numbers,
+        leans={"positive": _leaning(tasks, True), "negative": _leaning(tasks, False)},
+        distances={group: _distances(rows) for group, rows in searched.items()},
+        worst_calibrated=max(calibration, key=lambda group: float(calibration[group]["error"])),
+        photos=[(row, _gain_interval(row)) for row in photos],
+        all_was_better=all(row["s_plus"] < row["s_all"] for row in photos),
+        pairs=pairs,
+        mean_refused=sum(share for share, _, _ in pairs) / len(pairs),
+        seldom_refused=[pair for pair in pairs if pair[0] < _SELDOM],
     )
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _accuracies(tasks: Sequence[_Row]) -> str:
-    head = ("task", "pictures", *_WAYS.values(), "called positive", "invalid", "questions used")
-    rows = [
-        (
-            name_of(row),
-            f"{row['n_positive']} + {row['n_negative']}",
-            *(_with_interval(row[way], row["intervals"].get(way)) for way in _WAYS),
-            percent(row["called_positive"]),
-            percent(row["invalid"]),
-            "–" if row["n_used"] is None else f"{row['n_used']:.0f} of {row['n_questions']}",
-        )
-        for row in tasks
-    ]
-    title = (
-        "Accuracies in percent; in brackets 95 % intervals over pictures (Wilson's for each state, "
-        "put together; a picture counts once however many draws tested it):"
+def _fill(template: str, numbers: Mapping[str, Any], **derived: Any) -> str:
+    """A template filled with the measured numbers and with what was derived from them."""
+    environment = Environment(
+        loader=PackageLoader(__package__, ""),
+        autoescape=select_autoescape(),  # Markdown is not escaped
+        undefined=StrictUndefined,
+        trim_blocks=True,
     )
-    return f"{title}\n\n{_table(head, rows)}"
+    environment.filters |= {
+        "gain": _gain,
+        "minutes": lambda seconds: f"{int(seconds) / 60:.0f}",
+        "percent": _percent,
+        "points": points,
+        "span": _span,
+        "task": lambda row: f"{row['group']}: {_words(row['name'])}",
+        "verb": _verb,
+        "with_intervals": _with_intervals,
+        "words": _words,
+    }
+    filled = environment.get_template(template).render(numbers, group_names=_GROUP_NAMES, **derived)
+    return filled.strip()
 
 
-def _with_interval(value: float | None, *intervals: Sequence[float] | None) -> str:
-    if value is None:
-        return "–"
-    inside = "; ".join(
-        "–" if ends is None else f"{_ends(ends[0], 0.0)}–{_ends(ends[1], 1.0)}"
-        for ends in intervals
-    )
-    return f"{100 * value:.1f} ({inside})"
+def points(value: float) -> str:
+    """A difference in points of a percent, with its sign."""
+    rounded = round(100 * value, 1)
+    return f"{'−' if rounded < 0 else '+' if rounded > 0 else ''}{abs(rounded):.1f}"
 
 
-def _ends(value: float, limit: float) -> str:
-    """An end of an interval in percent, not beyond 0 or 100."""
-    return f"{100 * (max(value, limit) if limit == 0 else min(value, limit)):.0f}"
+def _words(name: str) -> str:
+    return name.replace("_", " ")
 
 
-def _means(groups: Mapping[str, _Row]) -> str:
-    head = ("mean over", *(_WAYS[way] for way in WAYS))
-    rows = [
-        (
-            f"{GROUPS[group]}, {len(one['tasks'])} tasks",
-            *(
-                _with_interval(mean["mean"], mean["tasks"], mean["pictures"])
-                for mean in (one["means"][way] for way in WAYS)
-            ),
-        )
-        for group, one in groups.items()
-    ]
-    title = (
-        "Means in percent; in brackets 95 % intervals, first over tasks (Student's t; – where "
-        "fewer than three tasks were searched), then over the pictures of these tasks (bootstrap):"
-    )
-    return f"{title}\n\n{_table(head, rows)}"
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{100 * value:.1f} %"
 
 
-def _worst(tasks: Sequence[_Row]) -> str:
-    found = []
-    for group, words in GROUPS.items():
-        rows = [row for row in tasks if row["group"] == group and row["s_plus"] is not None]
-        if rows:
-            worst = min(rows, key=lambda row: float(row["s_plus"]))
-            found.append(f"of {words} {short_name(worst)} ({percent(worst['s_plus'])})")
-    return f"The worst with s+: {', '.join(found)}."
-
-
-def _gains(gains: Mapping[str, _Row]) -> str:
-    lines = [
-        "What the search gains on scenes and foreign tasks together (95 % intervals, paired):",
-        "",
-    ]
-    for key, one in gains.items():
-        way, other = COMPARISONS[key]
-        against = "s_all of the grid" if other == "s_all" else "the best single"
-        lines.append(
-            f"- {_IN_WORDS[way]} against {against}: {points(one['mean'])} points; over "
-            f"{one['n_tasks']} tasks {_from_to(one['tasks'])}, over {one['n_pictures']} pictures "
-            f"{_from_to(one['pictures'])}"
-        )
-    return "\n".join(lines)
-
-
-def _group_gains(groups: Mapping[str, _Row]) -> str:
-    lines = ["The same for each group apart, against s_all:", ""]
-    for group, one in groups.items():
-        for key in ("over_all", "random_over_all"):
-            gain = one["gains"][key]
-            lines.append(
-                f"- {GROUPS[group]}, {_IN_WORDS[COMPARISONS[key][0]]}: {points(gain['mean'])} "
-                f"points; over {gain['n_tasks']} tasks {_from_to(gain['tasks'])}, over "
-                f"{gain['n_pictures']} pictures {_from_to(gain['pictures'])}"
-            )
-    return "\n".join(lines)
-
-
-def _from_to(ends: Sequence[float] | None) -> str:
+def _span(ends: Sequence[float] | None) -> str:
     return "unknown (too few)" if ends is None else f"{points(ends[0])} to {points(ends[1])}"
 
 
-def _spread(tasks: Sequence[_Row]) -> str:
-    head = ("task", "worst single", "median", "best", "standard deviation")
-    keys = ("single_min", "single_median", "single_max", "single_sd")
-    rows = [(name_of(row), *(f"{row[key]:.3f}" for key in keys)) for row in tasks]
-    return "Accuracy of single questions among their valid answers:\n\n" + _table(head, rows)
-
-
-def _calibration(groups: Mapping[str, _Row]) -> str:
-    lines = ["Stated probability of the positive state against what was so (expected error):", ""]
-    for group, one in groups.items():
-        curve = ", ".join(f"{mean:.2f} → {share:.2f}" for n, mean, share in one["bins"] if n)
-        lines.append(f"- {GROUPS[group]}: error {one['error']:.3f}; {curve}")
-    return "\n".join(lines)
-
-
-def _nouns(rows: Sequence[_Row]) -> str:
-    """Nouns that share a word with a taught one beside wholly new ones."""
-    head = ("thing", "wholly new nouns", "recognized", "nouns with a taught word", "recognized")
-    cells = []
-    for thing in dict.fromkeys(row["thing"] for row in rows):
-        line = [thing.replace("_", " ")]
-        for is_new in (True, False):
-            fitting = [r for r in rows if r["thing"] == thing and r["is_new"] == is_new]
-            words = [
-                (", ".join(r["nouns"]), _with_interval(r["balanced"], r["interval"]))
-                for r in fitting
-            ]
-            line += words[0] if words else ("none", "–")
-        cells.append(line)
-    means = [
-        sum(r["balanced"] for r in rows if r["is_new"] == is_new)
-        / max(1, sum(r["is_new"] == is_new for r in rows))
-        for is_new in (True, False)
-    ]
-    title = (
-        f"Scenes asked with nouns that training never used, {rows[0]['n_pictures']} pictures a "
-        "thing, in percent (95 % intervals over pictures). A noun has a taught word if one of its "
-        "words is one of the lexicon's nouns, holds one (icebox: box) or is part of one:"
+def _gain(gain: _Row) -> str:
+    return (
+        f"{points(gain['mean'])} points; over {gain['n_tasks']} tasks {_span(gain['tasks'])}, over "
+        f"{gain['n_pictures']} pictures {_span(gain['pictures'])}"
     )
-    end = f"Means: {percent(means[0])} with wholly new nouns, {percent(means[1])} with the others."
-    return f"{title}\n\n{_table(head, cells)}\n\n{end}"
 
 
-def _premises(rows: Sequence[_Row]) -> str:
-    asked = list(dict.fromkeys(other for row in rows for other in row["refused"]))
-    head = ("shown ↓ asked about →", *(other.replace("_", " ") for other in asked))
-    cells = [
-        (
-            row["shown"].replace("_", " "),
-            *(
-                f"{100 * row['refused'][other]:.0f}" if other in row["refused"] else "–"
-                for other in asked
-            ),
-        )
-        for row in rows
-    ]
-    title = (
-        "False premises: the share of answers, in percent, that are neither yes nor no where the "
-        "whole grid about one thing is asked before pictures of another "
-        f"({rows[0]['n_pictures']} pictures a thing, six copies; – where the questions fit, since "
-        "all of these have doors):"
+def _with_intervals(value: float | None, *intervals: Sequence[float] | None) -> str:
+    """A share in percent with its intervals, which do not reach beyond 0 and 100."""
+    if value is None:
+        return "–"
+    spans = (
+        "–" if ends is None else f"{100 * max(ends[0], 0.0):.0f}–{100 * min(ends[1], 1.0):.0f}"
+        for ends in intervals
     )
-    return f"{title}\n\n{_table(head, cells)}"
+    return f"{100 * value:.1f} ({'; '.join(spans)})"
+
+
+def _verb(gain: _Row) -> str:
+    """A word for the sign, and whether luck of the pictures or of the tasks might explain it."""
+    if round(gain["mean"], 3) == 0:
+        return "neither gains nor loses"
+    ends = [gain["pictures"], *([] if gain["tasks"] is None else [gain["tasks"]])]
+    sure = all(low > 0 or high < 0 for low, high in ends)
+    return f"{'gains' if gain['mean'] > 0 else 'loses'}{'' if sure else ', perhaps by chance,'}"
+
+
+def _searched(tasks: Sequence[_Row]) -> dict[str, list[_Row]]:
+    """The tasks with a search of each group that has some."""
+    found = {
+        group: [row for row in tasks if row["group"] == group and row["s_plus"] is not None]
+        for group in _GROUP_NAMES
+    }
+    return {group: rows for group, rows in found.items() if rows}
+
+
+def _leaning(tasks: Sequence[_Row], positive: bool) -> list[tuple[float, _Row]]:
+    """Tasks whose grid calls too many pictures positive (or negative), and how many."""
+    shares = [
+        (row["called_positive"] if positive else 1 - row["called_positive"], row) for row in tasks
+    ]
+    return sorted((pair for pair in shares if pair[0] > 0.5 + _LEAN), key=lambda pair: -pair[0])
+
+
+def _distances(rows: Sequence[_Row]) -> tuple[float, ...]:
+    """The number of tasks, then how far the share called positive is from half, in points.
+
+    For the grid, the search from a random start, and our search.
+    """
+    tallies = [Tally(**row["tally"]) for row in rows]
+    far = (
+        100 * sum(abs(tally.called_positive(way) - 0.5) for tally in tallies) / len(tallies)
+        for way in ("s_all", "s_plus_random", "s_plus")
+    )
+    return (len(tallies), *far)
+
+
+def _gain_interval(row: _Row) -> list[float]:
+    """Interval over pictures of what s+ gains against the whole grid on one task."""
+    return spread(resampled([Tally(**row["tally"])], "s_plus", "s_all"))
+
+
+def _mean_of_nouns(rows: Sequence[_Row], is_new: bool) -> float:
+    fitting = [row["balanced"] for row in rows if row["is_new"] == is_new]
+    return sum(fitting) / max(1, len(fitting))
+
+
+def _things_asked_about(rows: Sequence[_Row]) -> list[str]:
+    return list(dict.fromkeys(asked for row in rows for asked in row["refused"]))

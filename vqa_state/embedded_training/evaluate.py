@@ -1,7 +1,7 @@
 """`python -m vqa_state.embedded_training.evaluate --out DIR`: measure the shipped weights.
 
-Pictures, answers and each task's numbers are kept in DIR. The same command goes on behind the last
-task that is finished.
+Pictures, answers and each task's numbers are cached in DIR. The same command goes on behind the
+last task that is finished.
 """
 
 import argparse
@@ -20,19 +20,17 @@ from PIL import Image
 from rich.progress import track
 
 from vqa_state.answers.table import AnswerTable
-from vqa_state.embedded_training.answer_cache import Asker
 from vqa_state.embedded_training.calibration import calibration_error, reliability
 from vqa_state.embedded_training.card import with_tables
-from vqa_state.embedded_training.dataset import Example, load_examples
+from vqa_state.embedded_training.dataset import Example, load_examples, render_split
 from vqa_state.embedded_training.experiments import cues_about, questions_about
 from vqa_state.embedded_training.gains import summarise_gains, summarise_groups
+from vqa_state.embedded_training.measurement_cache import AnswerCache, measure_once
 from vqa_state.embedded_training.measuring import TaskNumbers
 from vqa_state.embedded_training.out_of_distribution import measure_nouns, measure_premises
 from vqa_state.embedded_training.photos import load_photos
-from vqa_state.embedded_training.render import render_split
-from vqa_state.embedded_training.scenes import PAPER_THINGS, Split
-from vqa_state.embedded_training.simulators import MEASURING_TASKS, load_tasks, render_tasks
-from vqa_state.embedded_training.task_cache import measure_once
+from vqa_state.embedded_training.scenes import PAPER_THINGS, SceneSplit
+from vqa_state.embedded_training.simulators import load_tasks, render_tasks, simulator_tasks
 from vqa_state.models.embedded.predictor import MAX_IMAGES, Predictor
 from vqa_state.models.embedded.weights import (
     WEIGHTS,
@@ -42,7 +40,7 @@ from vqa_state.models.embedded.weights import (
     weights_digest,
 )
 
-__all__ = ["as_json", "main", "speed_kept"]
+__all__ = ["as_json", "former_speed", "main"]
 
 #: A list that holds no list and no table.
 _FLAT_LIST = re.compile(r"\[[^\[\]{}]*\]")
@@ -51,10 +49,10 @@ _FLAT_LIST = re.compile(r"\[[^\[\]{}]*\]")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure on held-out scenes, foreign simulators and photos; write the numbers and the card."""
     chosen = _parser().parse_args(arguments)
-    folder = chosen.out / Split.MEASURE.value
-    render_split(folder, Split.MEASURE, chosen.scenes, 1, chosen.processes, PAPER_THINGS)
+    folder = chosen.out / SceneSplit.MEASURE.value
+    render_split(folder, SceneSplit.MEASURE, chosen.scenes, 1, chosen.processes, PAPER_THINGS)
     foreign = chosen.out / "foreign"
-    render_tasks(foreign, list(MEASURING_TASKS), chosen.scenes, 1, chosen.processes)
+    render_tasks(foreign, list(simulator_tasks(train=False)), chosen.scenes, 1, chosen.processes)
     torch.set_num_threads(chosen.threads)
     numbers = _measure(chosen)
     if chosen.json is not None:
@@ -85,12 +83,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _tasks(chosen: argparse.Namespace) -> list[tuple[str, str, list[Example]]]:
     """(name, group, pictures) of every task."""
-    scenes = _one_a_scene(load_examples(chosen.out / Split.MEASURE.value, chosen.scenes))
+    scenes = _one_a_scene(load_examples(chosen.out / SceneSplit.MEASURE.value, chosen.scenes))
     tasks = [
         (thing, "scenes", [each for each in scenes if each.thing == thing])
         for thing in PAPER_THINGS
     ]
-    for name in MEASURING_TASKS:
+    for name in simulator_tasks(train=False):
         pictures = _one_a_scene(load_tasks(chosen.out / "foreign", [name], chosen.scenes))
         tasks.append((name, "foreign", pictures))
     photos = load_photos(chosen.photos, training=False) if chosen.photos is not None else []
@@ -100,7 +98,7 @@ def _tasks(chosen: argparse.Namespace) -> list[tuple[str, str, list[Example]]]:
 
 def _measure(chosen: argparse.Namespace) -> dict[str, Any]:
     predictor = Predictor(chosen.weights)
-    asker = Asker(predictor, weights_digest(chosen.weights), chosen.out / "answers")
+    answers = AnswerCache(predictor, weights_digest(chosen.weights), chosen.out / "answers")
     tasks = _tasks(chosen)
     scenes = {name: pictures for name, group, pictures in tasks if group == "scenes"}
     rows: list[TaskNumbers] = []
@@ -110,7 +108,7 @@ def _measure(chosen: argparse.Namespace) -> dict[str, Any]:
         grid = questions_about(thing)
         known = {question.text for question in grid}
         cues = tuple(cue for cue in cues_about(thing) if cue.text not in known)
-        table = asker.ask(pictures, (*grid, *cues))
+        table = answers.ask(pictures, (*grid, *cues))
         rows.append(measure_once(chosen.out / "tasks", name, group, table, len(grid)))
         print(json.dumps({k: v for k, v in asdict(rows[-1]).items() if k != "tally"}), flush=True)
         stated.setdefault(group, []).append(table)
@@ -122,10 +120,11 @@ def _measure(chosen: argparse.Namespace) -> dict[str, Any]:
         "gains": summarise_gains(rows),
         "calibration": {group: _calibration(tables) for group, tables in stated.items()},
         "nouns": [
-            row for thing, shown in scenes.items() for row in measure_nouns(asker, thing, shown)
+            row for thing, shown in scenes.items() for row in measure_nouns(answers, thing, shown)
         ],
         "premises": [
-            measure_premises(asker, thing, shown, tuple(scenes)) for thing, shown in scenes.items()
+            measure_premises(answers, thing, shown, tuple(scenes))
+            for thing, shown in scenes.items()
         ],
     }
 
@@ -170,7 +169,7 @@ def _file_facts(path: Path) -> dict[str, Any]:
 def _speed(chosen: argparse.Namespace, predictor: Predictor) -> dict[str, Any] | None:
     """The time taken now, if the user says that the machine is idle, else the one in `--json`."""
     if not chosen.time:
-        return speed_kept(chosen.json, weights_digest(chosen.weights))
+        return former_speed(chosen.json, weights_digest(chosen.weights))
     _time(predictor)  # the first run takes memory, which the next ones have
     return {
         "seconds_120x64": round(_time(predictor), 1),
@@ -179,7 +178,7 @@ def _speed(chosen: argparse.Namespace, predictor: Predictor) -> dict[str, Any] |
     }
 
 
-def speed_kept(file: Path | None, weights: str) -> dict[str, Any] | None:
+def former_speed(file: Path | None, weights: str) -> dict[str, Any] | None:
     """The time that an earlier run on an idle machine wrote about the same weights, or None."""
     if file is None or not file.exists():
         return None

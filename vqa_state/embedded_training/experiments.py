@@ -3,28 +3,11 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from vqa_state.embedded_training.lexicon import lexicon
 from vqa_state.questions.cues import ready_cues
 from vqa_state.questions.grid import Question, QuestionGrid, Wording, phrases_for
 
 __all__ = ["asked_with", "cues_about", "grid_about", "questions_about", "states_of"]
-
-#: Source: paper III, the tables' captions. The two wordings of the refrigerator are ours, since
-#: the text does not name them.
-_WORDINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "door": ("door",),
-        "elevator": ("door", "elevator door"),
-        "cabinet": ("door", "cabinet door", "kitchen cabinet door", "shelf door"),
-        "refrigerator": ("door", "refrigerator door"),
-        "various_doors": ("door",),
-        "microwave": ("door", "microwave door", "oven door", "microwave oven door"),
-        "transparent_door": ("door", "transparent door", "glass door", "window"),
-        "light": ("light", "electricity"),
-        "display": ("display", "monitor", "computer monitor", "TV"),
-        "handbag": ("bag", "handbag"),
-        "water": ("water | in {article} sink", "water | from {article} faucet"),
-    }
-)
 
 _STATES: Mapping[str, tuple[str, str | None]] = MappingProxyType(
     {"light": ("on", "off"), "display": ("on", "off"), "water": ("running", None)}
@@ -33,7 +16,7 @@ _STATES: Mapping[str, tuple[str, str | None]] = MappingProxyType(
 
 def grid_about(thing: str) -> QuestionGrid:
     """The grid of the paper's experiment on this thing, or on "various_doors"."""
-    wordings = tuple(Wording.parse(line) for line in _WORDINGS[thing])
+    wordings = tuple(Wording.parse(line) for line in lexicon().paper_wordings[thing])
     return QuestionGrid(wordings, phrases_for(*states_of(thing)))
 
 
@@ -49,12 +32,12 @@ def questions_about(thing: str) -> tuple[Question, ...]:
 
 def cues_about(thing: str) -> tuple[Question, ...]:
     """Ready cues in the last wording of the experiment, beside the questions of its grid."""
-    return ready_cues(states_of(thing)[0], Wording.parse(_WORDINGS[thing][-1]))
+    return ready_cues(states_of(thing)[0], Wording.parse(lexicon().paper_wordings[thing][-1]))
 
 
 def asked_with(thing: str, nouns: tuple[str, ...]) -> tuple[Question, ...]:
     """The paper's grid in other nouns."""
-    tails = [line.partition("|")[2].strip() for line in _WORDINGS[thing]]
+    tails = [line.partition("|")[2].strip() for line in lexicon().paper_wordings[thing]]
     wordings = tuple(
         Wording(noun, tail or None) for noun, tail in zip(nouns, tails * len(nouns), strict=False)
     )

@@ -1,17 +1,18 @@
 """The unchanging first blocks of the trunk, computed once a picture and kept on disk."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from PIL import Image
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load, save
 from torch import Tensor
 
+from vqa_state.embedded_training.cache import cached, digest, digest_file, digest_tensors
 from vqa_state.embedded_training.dataset import Example
-from vqa_state.embedded_training.digests import digest, digest_file, digest_tensors
 from vqa_state.models.embedded.pixels import normalise, to_square
 from vqa_state.models.embedded.trunk import INPUT_SIZE, Trunk
 
@@ -33,16 +34,12 @@ def embed_examples(
     is read instead of computed; it is known by the trunk's weights, the pictures' bytes, the block
     and the seed.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     made_by = digest(digest_tensors(trunk), N_FROZEN_BLOCKS, INPUT_SIZE, seed)
     for start in range(0, len(examples), _CHUNK):
         chunk = examples[start : start + _CHUNK]
-        file = folder / f"{_chunk_name(chunk, made_by)}.safetensors"
-        if not file.exists():
-            unfinished = file.with_suffix(".part")
-            save_file({"maps": _embed(trunk, chunk, seed)}, unfinished)
-            unfinished.replace(file)
-        yield load_file(file)["maps"]
+        name = digest(made_by, *(digest_file(example.path) for example in chunk))
+        embed = partial(_embed, trunk, chunk, seed)
+        yield load(cached(folder / f"{name}.safetensors", embed))["maps"]
 
 
 def n_chunks(examples: Sequence[Example]) -> int:
@@ -62,12 +59,9 @@ def varied(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.fl
     return np.clip(changed, 0, 255).astype(np.float32)
 
 
-def _chunk_name(chunk: Sequence[Example], made_by: str) -> str:
-    return digest(made_by, *(digest_file(example.path) for example in chunk))
-
-
 @torch.inference_mode()
-def _embed(trunk: Trunk, chunk: Sequence[Example], seed: int) -> Tensor:
+def _embed(trunk: Trunk, chunk: Sequence[Example], seed: int) -> bytes:
+    """The maps of some pictures as a safetensors file."""
     maps = []
     for start in range(0, len(chunk), _BATCH):
         pictures = [
@@ -77,7 +71,7 @@ def _embed(trunk: Trunk, chunk: Sequence[Example], seed: int) -> Tensor:
         pixels = torch.from_numpy(normalise(np.stack(pictures)))
         pixels = pixels.contiguous(memory_format=torch.channels_last)
         maps.append(trunk.begin(pixels, N_FROZEN_BLOCKS).half().contiguous())
-    return torch.cat(maps)
+    return save({"maps": torch.cat(maps)})
 
 
 def _read(example: Example) -> NDArray[np.uint8]:

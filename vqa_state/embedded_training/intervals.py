@@ -44,12 +44,8 @@ class Tally:
 
     def balanced(self, way: str, minus: str | None = None) -> float:
         """The mean over the states of the recognized share, or by how much it is above another."""
-        return (
-            math.fsum(
-                float(gained.sum() / tested.sum()) for gained, tested in self.of_states(way, minus)
-            )
-            / 2
-        )
+        shares = (gained.sum() / tested.sum() for gained, tested in self.of_states(way, minus))
+        return math.fsum(shares) / 2
 
     def called_positive(self, way: str) -> float:
         """The mean over the states of the share called positive; 0.5 has no lean.
@@ -95,12 +91,10 @@ def balanced_interval(tally: Tally, way: str) -> list[float]:
 
 def mean_interval(values: Sequence[float]) -> list[float] | None:
     """Student's t interval of a mean, or None of fewer than three values."""
-    n = len(values)
-    if n < _FEWEST:
+    if len(values) < _FEWEST:
         return None
-    mean = math.fsum(values) / n
-    error = float(np.std(values, ddof=1)) / math.sqrt(n)
-    reach = float(stats.t.ppf((1 + _CONFIDENCE) / 2, n - 1)) * error
+    mean = math.fsum(values) / len(values)
+    reach = float(stats.t.ppf((1 + _CONFIDENCE) / 2, len(values) - 1) * stats.sem(values))
     return [round(mean - reach, 4), round(mean + reach, 4)]
 
 

@@ -1,8 +1,9 @@
-"""How good the embedded model is on one task, by the paper's rules, averaged over random draws."""
+"""Measures the embedded model on one task, by the paper's rules, averaged over random draws."""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +26,9 @@ __all__ = [
     "N_PER_STATE",
     "WAYS",
     "TaskNumbers",
+    "answer_table",
     "ask",
-    "balanced",
-    "labels_of",
     "measure_task",
-    "names_of",
     "whole_tally",
 ]
 
@@ -109,17 +108,19 @@ def ask(
                 meaning = meanings[column]
                 verdicts[row, copy_number, column] = Answer(text, p_yes).verdict(meaning)
                 p_positive[row, copy_number, column] = p_yes if meaning > 0 else 1 - p_yes
-    return AnswerTable(names_of(examples), questions, verdicts, p_positive, labels_of(examples))
+    return answer_table(examples, questions, verdicts, p_positive)
 
 
-def labels_of(examples: Sequence[Example]) -> NDArray[np.int8]:
-    """+1 for the positive state, -1 for the other."""
-    return np.array([1 if example.is_positive else -1 for example in examples], np.int8)
-
-
-def names_of(examples: Sequence[Example]) -> tuple[str, ...]:
-    """What the pictures are called in tables."""
-    return tuple(str(example.path) for example in examples)
+def answer_table(
+    examples: Sequence[Example],
+    questions: tuple[Question, ...],
+    verdicts: NDArray[np.int8],
+    p_positive: NDArray[np.float32],
+) -> AnswerTable:
+    """A table of (n_images, n_copies, n_questions) answers, with the pictures' paths and labels."""
+    names = tuple(str(example.path) for example in examples)
+    labels = np.array([1 if example.is_positive else -1 for example in examples], np.int8)
+    return AnswerTable(names, questions, verdicts, p_positive, labels)
 
 
 def measure_task(
@@ -129,41 +130,30 @@ def measure_task(
 
     The first `n_grid` questions of the table are the paper's grid, the others are cues.
     """
-    counts = count(table)
-    of_grid = score(counts, range(n_grid)).recognized
-    draws = _Draws(table, n_grid)
-    if min(int((table.labels == state).sum()) for state in (1, -1)) > N_PER_STATE:
-        for number in range(n_draws):
-            draws.add(np.random.default_rng([_SEED, number]))
-    else:
-        draws.add_unsearched()
-    tally = draws.tally()
+    counts, grid = count(table), tuple(range(n_grid))
+    tally, n_used = _tally_of_draws(table, grid, n_draws)
     means = {way: round(tally.balanced(way), 4) for way in tally.recognized}
+    ways: dict[str, Any] = {way: means.get(way) for way in WAYS}
     return TaskNumbers(
         name=name,
         group=group,
         n_positive=int((table.labels == 1).sum()),
         n_negative=int((table.labels == -1).sum()),
-        s_plus=means.get("s_plus"),
-        s_plus_random=means.get("s_plus_random"),
-        s_plus_grid=means.get("s_plus_grid"),
-        single=means.get("single"),
-        s_all=means["s_all"],
-        all_questions=means["all_questions"],
-        called_positive=round(_called_positive(of_grid, counts.labels), 4),
+        **ways,
+        called_positive=round(whole_tally(table, grid).called_positive("asked"), 4),
         n_grid=n_grid,
         n_questions=table.n_questions,
-        n_used=draws.n_used(),
-        invalid=round(score(counts, range(n_grid)).R_invalid, 4),
+        n_used=round(float(np.mean(n_used)), 4) if n_used else None,
+        invalid=round(score(counts, grid).R_invalid, 4),
         **_spread_of_singles(counts),
         intervals={way: balanced_interval(tally, way) for way in means},
         tally=tally,
     )
 
 
-def whole_tally(table: AnswerTable) -> Tally:
-    """All questions, on all pictures, once; the way is called "asked"."""
-    recognized = score(count(table), range(table.n_questions)).recognized
+def whole_tally(table: AnswerTable, subset: Sequence[int]) -> Tally:
+    """Some questions, on all pictures, once; the way is called "asked"."""
+    recognized = score(count(table), subset).recognized
     once = np.ones(table.n_images, int).tolist()
     return Tally(table.labels.tolist(), once, {"asked": recognized.astype(int).tolist()})
 
@@ -178,66 +168,52 @@ def _spread_of_singles(counts: Counts) -> dict[str, float]:
     }
 
 
-class _Draws:
-    """Collects what every draw recognized of the pictures that it left for testing."""
-
-    def __init__(self, table: AnswerTable, n_grid: int) -> None:
-        self._table = table
-        self._grid = tuple(range(n_grid))
-        self._everything = tuple(range(table.n_questions))
-        self._used: list[int] = []
-        self._tested = np.zeros(table.n_images, np.int64)
-        self._recognized: dict[str, NDArray[np.int64]] = {}
-
-    def add(self, rng: np.random.Generator) -> None:
-        """Choose on ten random pictures a state, test on all others."""
-        is_training = np.zeros(self._table.n_images, bool)
-        for state in (1, -1):
-            own = np.flatnonzero(self._table.labels == state)
-            is_training[rng.choice(own, N_PER_STATE, replace=False)] = True
-        training = count(self._table.take(is_training))
-        chosen = {
-            "s_plus": _s_plus(training, self._everything),
-            "s_plus_random": _s_plus(training, self._everything, singles_first=False),
-            "s_plus_grid": _s_plus(training, self._grid),
-            "single": (_best_single(training),),
-            "s_all": self._grid,
-            "all_questions": self._everything,
-        }
-        self._used.append(len(chosen["s_plus"]))
-        self._test(~is_training, chosen)
-
-    def add_unsearched(self) -> None:
-        """Test what needs no choice on all pictures."""
-        everywhere = np.ones(self._table.n_images, bool)
-        self._test(everywhere, {"s_all": self._grid, "all_questions": self._everything})
-
-    def tally(self) -> Tally:
-        """What became of every picture."""
-        recognized = {way: times.tolist() for way, times in self._recognized.items()}
-        return Tally(self._table.labels.tolist(), self._tested.tolist(), recognized)
-
-    def n_used(self) -> float | None:
-        """Mean number of questions in s+, or None without a search."""
-        return round(sum(self._used) / len(self._used), 4) if self._used else None
-
-    def _test(self, is_tested: NDArray[np.bool_], chosen: Mapping[str, tuple[int, ...]]) -> None:
-        tested = count(self._table.take(is_tested))
-        self._tested += is_tested
+def _tally_of_draws(
+    table: AnswerTable, grid: tuple[int, ...], n_draws: int
+) -> tuple[Tally, list[int]]:
+    """What every draw recognized of the pictures left for testing; the sizes of s+, one a draw."""
+    tested = np.zeros(table.n_images, np.int64)
+    recognized: defaultdict[str, NDArray[np.int64]] = defaultdict(lambda: np.zeros_like(tested))
+    n_used = []
+    for is_training in _draws(table.labels, n_draws):
+        chosen = {"s_all": grid, "all_questions": tuple(range(table.n_questions))}
+        if is_training.any():
+            chosen = {**_choose(count(table.take(is_training)), grid), **chosen}
+            n_used.append(len(chosen["s_plus"]))
+        left = count(table.take(~is_training))
+        tested += ~is_training
         for way, subset in chosen.items():
-            total = self._recognized.setdefault(way, np.zeros(self._table.n_images, np.int64))
-            total[is_tested] += score(tested, subset).recognized
+            recognized[way][~is_training] += score(left, subset).recognized
+    times = {way: found.tolist() for way, found in recognized.items()}
+    return Tally(table.labels.tolist(), tested.tolist(), times), n_used
 
 
-def balanced(recognized: NDArray[np.bool_], labels: NDArray[np.int8]) -> float:
-    """The mean of the two states' recognized shares, in [0, 1]."""
-    return math.fsum(float(recognized[labels == state].mean()) for state in (1, -1)) / 2
+def _draws(labels: NDArray[np.int8], n_draws: int) -> Iterator[NDArray[np.bool_]]:
+    """For every draw, on which pictures questions are chosen: ten random ones a state.
+
+    Where a state has no more than ten pictures there is one draw, and nothing is chosen.
+    """
+    states = [np.flatnonzero(labels == state) for state in (1, -1)]
+    if min(len(own) for own in states) <= N_PER_STATE:
+        yield np.zeros(len(labels), bool)
+        return
+    for number in range(n_draws):
+        rng = np.random.default_rng([_SEED, number])
+        is_training = np.zeros(len(labels), bool)
+        for own in states:
+            is_training[rng.choice(own, N_PER_STATE, replace=False)] = True
+        yield is_training
 
 
-def _called_positive(recognized: NDArray[np.bool_], labels: NDArray[np.int8]) -> float:
-    """The mean over both states of the share that is called positive."""
-    of_positive = float(recognized[labels == 1].mean())
-    return (of_positive + 1 - float(recognized[labels == -1].mean())) / 2
+def _choose(training: Counts, grid: tuple[int, ...]) -> dict[str, tuple[int, ...]]:
+    """The questions that each searching way chooses on some pictures."""
+    everything = tuple(range(training.n_questions))
+    return {
+        "s_plus": _s_plus(training, everything),
+        "s_plus_random": _s_plus(training, everything, singles_first=False),
+        "s_plus_grid": _s_plus(training, grid),
+        "single": (_best_single(training),),
+    }
 
 
 def _s_plus(

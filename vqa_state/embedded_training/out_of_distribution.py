@@ -3,22 +3,24 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vqa_state.embedded_training.answer_cache import Asker
 from vqa_state.embedded_training.dataset import Example
 from vqa_state.embedded_training.experiments import asked_with, questions_about
 from vqa_state.embedded_training.intervals import balanced_interval
-from vqa_state.embedded_training.lexicon import HELD_OUT_NOUNS, OPENABLE, shares_a_word
+from vqa_state.embedded_training.lexicon import lexicon, shares_a_word
+from vqa_state.embedded_training.measurement_cache import AnswerCache
 from vqa_state.embedded_training.measuring import whole_tally
 from vqa_state.questions.grid import Question
 
-__all__ = ["is_unfit", "measure_nouns", "measure_premises"]
+__all__ = ["measure_nouns", "measure_premises"]
 
 #: Pictures of each thing, both states alike.
 _N_NOUNS = 60
 _N_PREMISES = 20
 
 
-def measure_nouns(asker: Asker, thing: str, pictures: Sequence[Example]) -> list[dict[str, Any]]:
+def measure_nouns(
+    answers: AnswerCache, thing: str, pictures: Sequence[Example]
+) -> list[dict[str, Any]]:
     """Accuracy of the grid in nouns that training never used, with a 95 % interval.
 
     Nouns that share a word with a taught one ("front door") and wholly new ones ("exit") are
@@ -26,9 +28,10 @@ def measure_nouns(asker: Asker, thing: str, pictures: Sequence[Example]) -> list
     """
     rows = []
     for is_new in (True, False):
-        nouns = tuple(n for n in HELD_OUT_NOUNS[thing] if shares_a_word(n) != is_new)
+        nouns = tuple(n for n in lexicon().things[thing].held_out if shares_a_word(n) != is_new)
         if nouns:
-            tally = whole_tally(asker.ask(pictures[:_N_NOUNS], asked_with(thing, nouns)))
+            table = answers.ask(pictures[:_N_NOUNS], asked_with(thing, nouns))
+            tally = whole_tally(table, range(table.n_questions))
             rows.append(
                 {
                     "thing": thing,
@@ -43,15 +46,15 @@ def measure_nouns(asker: Asker, thing: str, pictures: Sequence[Example]) -> list
 
 
 def measure_premises(
-    asker: Asker, thing: str, pictures: Sequence[Example], things: Sequence[str]
+    answers: AnswerCache, thing: str, pictures: Sequence[Example], things: Sequence[str]
 ) -> dict[str, Any]:
     """How often questions about each other thing are refused, before pictures of this one.
 
     Every "yes" or "no" is a mistake there; any other answer refuses.
     """
-    grids = {other: questions_about(other) for other in things if is_unfit(thing, other)}
+    grids = {other: questions_about(other) for other in things if lexicon().is_unfit(thing, other)}
     texts = {question.text: question for grid in grids.values() for question in grid}
-    table = asker.ask(pictures[:_N_PREMISES], tuple(texts.values()))
+    table = answers.ask(pictures[:_N_PREMISES], tuple(texts.values()))
     places = {text: number for number, text in enumerate(texts)}
     return {
         "shown": thing,
@@ -61,14 +64,6 @@ def measure_premises(
             for other, grid in grids.items()
         },
     }
-
-
-def is_unfit(shown: str, asked: str) -> bool:
-    """Whether a picture of one thing leaves the other's questions without an answer.
-
-    Things with doors are never set apart: "Is this door open?" fits them all.
-    """
-    return shown != asked and not (shown in OPENABLE and asked in OPENABLE)
 
 
 def _columns(grid: Sequence[Question], places: Mapping[str, int]) -> list[int]:

@@ -12,11 +12,7 @@ __all__ = ["PHOTO_FOLDERS", "is_training_photo", "load_photos"]
 
 #: Folder of a photo set -> the thing that it shows. Below it: open/ID.jpg and closed/ID.jpg.
 PHOTO_FOLDERS: Mapping[str, str] = MappingProxyType(
-    {
-        "refrigerator_open": "refrigerator",
-        "door_open": "door",
-        "cabinet_or_drawer_open": "cabinet",
-    }
+    {"refrigerator_open": "refrigerator", "door_open": "door", "cabinet_or_drawer_open": "cabinet"}
 )
 
 

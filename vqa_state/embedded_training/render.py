@@ -4,27 +4,10 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.progress import track
+from vqa_state.embedded_training.dataset import render_split
+from vqa_state.embedded_training.scenes import SceneSplit
 
-from vqa_state.embedded_training.dataset import pending_jobs, render_jobs
-from vqa_state.embedded_training.scenes import THINGS, Split
-
-__all__ = ["main", "render_split"]
-
-
-def render_split(
-    folder: Path,
-    split: Split,
-    n_scenes: int,
-    n_views: int,
-    n_processes: int,
-    things: Sequence[str] = THINGS,
-) -> None:
-    """Render what is missing, with a bar. Finished scenes are skipped, so a stop costs little."""
-    jobs = pending_jobs(folder, split, n_scenes, n_views, things)
-    done = render_jobs(jobs, n_processes)
-    for _ in track(done, total=len(jobs), description=f"scenes ({split.value})"):
-        pass
+__all__ = ["main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -33,7 +16,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         prog="python -m vqa_state.embedded_training.render", description=__doc__
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--split", type=Split, choices=list(Split), default=Split.TRAIN)
+    parser.add_argument(
+        "--split", type=SceneSplit, choices=list(SceneSplit), default=SceneSplit.TRAIN
+    )
     parser.add_argument("--scenes", type=int, default=170, help="scenes of each thing")
     parser.add_argument("--views", type=int, default=3, help="cameras for each scene")
     parser.add_argument("--processes", type=int, default=2)

@@ -13,9 +13,9 @@ from pathlib import Path
 from rich.progress import track
 
 from vqa_state.embedded_training.experiments import grid_about, states_of
-from vqa_state.embedded_training.scenes import PAPER_THINGS, SceneRenderer, Split
+from vqa_state.embedded_training.scenes import PAPER_THINGS, SceneRenderer, SceneSplit
 from vqa_state.project.project import Project
-from vqa_state.project.split import Split as Side
+from vqa_state.project.split import Split
 from vqa_state.questions.states import StateNames
 
 __all__ = ["main", "write_probes", "write_project"]
@@ -32,7 +32,7 @@ _SIZE = 256
 _QUALITY = 82
 
 #: (name, bytes of a JPEG, whether positive, side) of one picture.
-_Sample = tuple[str, bytes, bool, Side]
+_Sample = tuple[str, bytes, bool, Split]
 
 
 def write_project(folder: Path, experiment: str, renderer: SceneRenderer) -> None:
@@ -76,7 +76,7 @@ def write_probes(folder: Path, renderer: SceneRenderer) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for thing, number in _PROBES.items():
         for state, picture in zip(
-            ("positive", "negative"), renderer.render(thing, Split.SAMPLE, number), strict=True
+            ("positive", "negative"), renderer.render(thing, SceneSplit.SAMPLE, number), strict=True
         ):
             path = folder / f"{thing}_{state}.jpg"
             picture.image.save(path, "JPEG", quality=_QUALITY, optimize=True)
@@ -85,8 +85,8 @@ def write_probes(folder: Path, renderer: SceneRenderer) -> None:
 def _samples(thing: str, renderer: SceneRenderer) -> Iterator[_Sample]:
     for number in range(4 * _N_PER_STATE):
         is_positive = number % 2 == 0
-        side = Side.TRAIN if number < 2 * _N_PER_STATE else Side.TEST
-        positive, negative = renderer.render(thing, Split.SAMPLE, number)
+        side = Split.TRAIN if number < 2 * _N_PER_STATE else Split.TEST
+        positive, negative = renderer.render(thing, SceneSplit.SAMPLE, number)
         buffer = io.BytesIO()
         picture = positive if is_positive else negative
         picture.image.save(buffer, "JPEG", quality=_QUALITY, optimize=True)

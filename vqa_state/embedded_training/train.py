@@ -17,17 +17,26 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from vqa_state.embedded_training.batches import Lessons
+from vqa_state.embedded_training.batches import BatchSampler
+from vqa_state.embedded_training.cache import digest_tensors
 from vqa_state.embedded_training.calibration import fit_temperature
-from vqa_state.embedded_training.dataset import Example, load_examples
-from vqa_state.embedded_training.digests import digest_examples, digest_tensors
+from vqa_state.embedded_training.dataset import (
+    Example,
+    digest_examples,
+    load_examples,
+    render_split,
+)
 from vqa_state.embedded_training.features import embed_examples, n_chunks
 from vqa_state.embedded_training.imagenet import load_imagenet
 from vqa_state.embedded_training.photos import load_photos
-from vqa_state.embedded_training.render import render_split
-from vqa_state.embedded_training.scenes import Split
-from vqa_state.embedded_training.simulators import TRAINING_TASKS, load_tasks, render_tasks
-from vqa_state.embedded_training.training import StepReport, grade, train_reader, tune_trunk
+from vqa_state.embedded_training.scenes import SceneSplit
+from vqa_state.embedded_training.simulators import load_tasks, render_tasks, simulator_tasks
+from vqa_state.embedded_training.training import (
+    StepReport,
+    logit_differences,
+    train_reader,
+    tune_trunk,
+)
 from vqa_state.embedded_training.training_log import TrainingLog
 from vqa_state.models.embedded.network import VQANetwork
 from vqa_state.models.embedded.weights import SECONDS, load_stage, read_header, save_network
@@ -37,19 +46,19 @@ __all__ = ["describe", "main"]
 #: Photos are few, so each is seen in this many variations.
 _PHOTO_VARIATIONS = 10
 
-_N_DRILLS = 900
+_N_QUESTIONS = 900
 
 #: One scene in this many does not train; the probabilities are calibrated on it.
-_KEPT_BACK = 12
+_HOLD_OUT = 12
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Render what is missing, train in two stages, calibrate, write the weights."""
     chosen = _parser().parse_args(arguments)
     log = TrainingLog(chosen.out / "log.jsonl")
-    folder = chosen.out / Split.TRAIN.value
+    folder = chosen.out / SceneSplit.TRAIN.value
     with log.timed("scenes"):
-        render_split(folder, Split.TRAIN, chosen.scenes, chosen.views, chosen.processes)
+        render_split(folder, SceneSplit.TRAIN, chosen.scenes, chosen.views, chosen.processes)
         foreign = _render_simulators(chosen)
     torch.set_num_threads(chosen.threads)
     with torch.random.fork_rng():
@@ -76,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
 def _render_simulators(chosen: argparse.Namespace) -> list[Example]:
     if chosen.simulator_scenes == 0:
         return []
-    folder, names = chosen.out / "simulators", list(TRAINING_TASKS)
+    folder, names = chosen.out / "simulators", list(simulator_tasks(train=True))
     render_tasks(folder, names, chosen.simulator_scenes, chosen.views, chosen.processes)
     return load_tasks(folder, names, chosen.simulator_scenes)
 
@@ -88,15 +97,19 @@ def _train(chosen: argparse.Namespace, rendered: list[Example], log: TrainingLog
     load_imagenet(network.trunk)
     with log.timed("features"):
         examples, maps = _materials(chosen, network, rendered)
-    kept_back = torch.tensor([_is_kept_back(example) for example in examples])
-    training = [example for example in examples if not _is_kept_back(example)]
-    lessons = Lessons(training, _N_DRILLS, chosen.seed)
-    about = describe(chosen, training, lessons.questions, digest_tensors(network.trunk))
+    held_out = torch.tensor([_is_held_out(example) for example in examples])
+    training = [example for example in examples if not _is_held_out(example)]
+    batches = BatchSampler(training, _N_QUESTIONS, chosen.seed)
+    about = describe(chosen, training, batches.questions, digest_tensors(network.trunk))
     log.write({**about})
-    seconds = _learn(chosen, network, maps[~kept_back], lessons, about, log)
-    if kept_back.any():
-        kept = Lessons([each for each in examples if _is_kept_back(each)], _N_DRILLS, chosen.seed)
-        network.temperature.fill_(fit_temperature(*grade(network, maps[kept_back], kept)))
+    seconds = _learn(chosen, network, maps[~held_out], batches, about, log)
+    if held_out.any():
+        kept = BatchSampler(
+            [each for each in examples if _is_held_out(each)], _N_QUESTIONS, chosen.seed
+        )
+        network.temperature.fill_(
+            fit_temperature(*logit_differences(network, maps[held_out], kept))
+        )
     times = {
         SECONDS: f"{seconds:.0f}",
         f"{SECONDS}_before": f"{log.seconds('scenes') + log.seconds('features'):.0f}",
@@ -108,7 +121,7 @@ def _learn(
     chosen: argparse.Namespace,
     network: VQANetwork,
     maps: Tensor,
-    lessons: Lessons,
+    batches: BatchSampler,
     about: dict[str, str],
     log: TrainingLog,
 ) -> float:
@@ -119,11 +132,11 @@ def _learn(
         saved = chosen.out / f"stage{number}.safetensors"
         if not load_stage(network, saved, about):
             torch.manual_seed(chosen.seed + number)
-            lessons.restart(number)
+            batches.restart(number)
             start = time.perf_counter()
             if n_epochs > 0:
                 with log.timed(f"stage {number}"):
-                    _follow(stage(network, maps, lessons, n_epochs), log)
+                    _follow(stage(network, maps, batches, n_epochs), log)
             took = {SECONDS: f"{time.perf_counter() - start:.0f}"}
             save_network(network, saved, {**about, **took}, torch.float32)
         seconds += float(read_header(saved)[SECONDS])
@@ -156,9 +169,9 @@ def describe(
     }
 
 
-def _is_kept_back(example: Example) -> bool:
+def _is_held_out(example: Example) -> bool:
     source, _, number = example.scene.rpartition("/")
-    return source != "photo" and int(number) % _KEPT_BACK == _KEPT_BACK - 1
+    return source != "photo" and int(number) % _HOLD_OUT == _HOLD_OUT - 1
 
 
 def _materials(

@@ -1,4 +1,4 @@
-"""The two stages of training: first the reader alone, then the last blocks of the trunk too."""
+"""The two stages of training: first all but the trunk, then its last blocks too."""
 
 import math
 from collections.abc import Iterator
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from vqa_state.embedded_training.batches import UNKNOWN, Batch, Lessons
+from vqa_state.embedded_training.batches import UNKNOWN, BatchSampler, TrainingBatch
 from vqa_state.embedded_training.features import N_FROZEN_BLOCKS
 from vqa_state.embedded_training.scenes import THINGS
-from vqa_state.models.embedded.network import N_VIEWS, Memory, VQANetwork
+from vqa_state.models.embedded.network import N_VIEWS, ImageMemory, VQANetwork
 from vqa_state.models.embedded.vocabulary import NO, YES
 
-__all__ = ["StepReport", "grade", "train_reader", "tune_trunk"]
+__all__ = ["StepReport", "logit_differences", "train_reader", "tune_trunk"]
 
 #: Questions about each picture of a batch, as many for every view.
 _N_QUESTIONS = 2 * N_VIEWS
 _LABEL_SMOOTHING = 0.05
 _LARGEST_GRADIENT = 1.0
-_AID_WEIGHT = 0.3
+_AUXILIARY_WEIGHT = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class StepReport:
 
 
 def train_reader(
-    network: VQANetwork, maps: Tensor, lessons: Lessons, n_epochs: float, batch_size: int = 64
+    network: VQANetwork, maps: Tensor, batches: BatchSampler, n_epochs: float, batch_size: int = 64
 ) -> Iterator[StepReport]:
     """Train everything but the trunk, whose tokens are computed once.
 
@@ -46,19 +46,19 @@ def train_reader(
     tokens = _all_tokens(network, maps)
     for parameter in network.trunk.parameters():
         parameter.requires_grad_(False)
-    learner = _Learner(
+    trainer = _StageTrainer(
         network,
         "reader",
         [{"params": [p for p in network.parameters() if p.requires_grad], "lr": 1e-3}],
         math.ceil(n_epochs * len(maps) / batch_size),
     )
-    for _ in range(learner.n_steps):
-        batch = lessons.draw(batch_size, _N_QUESTIONS)
-        yield learner.step(batch, network.remember(tokens[batch.rows].float()))
+    for _ in range(trainer.n_steps):
+        batch = batches.draw(batch_size, _N_QUESTIONS)
+        yield trainer.step(batch, network.encode_tokens(tokens[batch.rows].float()))
 
 
 def tune_trunk(
-    network: VQANetwork, maps: Tensor, lessons: Lessons, n_epochs: float, batch_size: int = 32
+    network: VQANetwork, maps: Tensor, batches: BatchSampler, n_epochs: float, batch_size: int = 32
 ) -> Iterator[StepReport]:
     """Train everything behind the frozen blocks, at a small learning rate."""
     late = list(network.trunk.blocks[N_FROZEN_BLOCKS:].parameters())
@@ -69,28 +69,28 @@ def tune_trunk(
     ]
     groups = [{"params": late, "lr": 1.5e-4}, {"params": reader, "lr": 3e-4}]
     n_steps = math.ceil(n_epochs * len(maps) / batch_size)
-    learner = _Learner(network, "trunk", groups, n_steps)
+    trainer = _StageTrainer(network, "trunk", groups, n_steps)
     for step in range(n_steps):
-        batch = lessons.draw(batch_size, _N_QUESTIONS)
+        batch = batches.draw(batch_size, _N_QUESTIONS)
         part = maps[batch.rows].float()
         # Mirrored maps are a cheap second version of every picture.
         part = part.flip(-1) if step % 2 else part
         part = part.contiguous(memory_format=torch.channels_last)
         tokens = network.trunk.finish(part, N_FROZEN_BLOCKS)
-        yield learner.step(batch, network.remember(tokens))
+        yield trainer.step(batch, network.encode_tokens(tokens))
 
 
 @torch.inference_mode()
-def grade(
-    network: VQANetwork, maps: Tensor, lessons: Lessons, n_batches: int = 40
+def logit_differences(
+    network: VQANetwork, maps: Tensor, batches: BatchSampler, n_batches: int = 40
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Logit differences (yes minus no) to questions whose answer is yes or no, and which it is."""
     network.eval()
     differences, truths = [], []
     for _ in range(n_batches):
-        batch = lessons.draw(32, _N_QUESTIONS)
+        batch = batches.draw(32, _N_QUESTIONS)
         part = maps[batch.rows].float().contiguous(memory_format=torch.channels_last)
-        memory = network.remember(network.trunk.finish(part, N_FROZEN_BLOCKS))
+        memory = network.encode_tokens(network.trunk.finish(part, N_FROZEN_BLOCKS))
         slots = network.read(batch.buckets)[batch.asked].unflatten(1, (N_VIEWS, -1))
         logits = network.answer(memory, slots).flatten(0, 2)
         targets = batch.targets.flatten()
@@ -100,19 +100,15 @@ def grade(
     return torch.cat(differences).double().numpy(), torch.cat(truths).numpy()
 
 
-class _Learner:
+class _StageTrainer:
     """Optimiser, schedule and loss of one stage."""
 
     def __init__(
-        self,
-        network: VQANetwork,
-        stage: str,
-        groups: list[dict[str, object]],
-        n_steps: int,
+        self, network: VQANetwork, stage: str, groups: list[dict[str, object]], n_steps: int
     ) -> None:
         self.network = network.train()
-        self._aid = _Aid(network)
-        groups = [*groups, {"params": list(self._aid.parameters()), "lr": 1e-3}]
+        self._auxiliary = _AuxiliaryHeads(network)
+        groups = [*groups, {"params": list(self._auxiliary.parameters()), "lr": 1e-3}]
         self.stage = stage
         self.n_steps = n_steps
         self._step = 0
@@ -124,7 +120,7 @@ class _Learner:
             pct_start=0.15,
         )
 
-    def step(self, batch: Batch, memory: Memory) -> StepReport:
+    def step(self, batch: TrainingBatch, memory: ImageMemory) -> StepReport:
         """Learn from one batch whose images have been seen."""
         read = self.network.read(batch.buckets)
         asked = read.index_select(0, batch.asked.flatten())  # its gradient is added in one order
@@ -134,9 +130,9 @@ class _Learner:
         loss = functional.cross_entropy(
             logits, targets, ignore_index=UNKNOWN, label_smoothing=_LABEL_SMOOTHING
         )
-        aid = _AID_WEIGHT * self._aid(batch, memory, read)
+        auxiliary = _AUXILIARY_WEIGHT * self._auxiliary(batch, memory, read)
         self._optimizer.zero_grad(set_to_none=True)
-        (loss + aid).backward()
+        (loss + auxiliary).backward()
         trained = [p for group in self._optimizer.param_groups for p in group["params"]]
         nn.utils.clip_grad_norm_(trained, _LARGEST_GRADIENT)
         self._optimizer.step()
@@ -147,11 +143,11 @@ class _Learner:
         return StepReport(self.stage, self._step, self.n_steps, loss.item(), right.item())
 
 
-class _Aid(nn.Module):
-    """Two helpers that exist only while training.
+class _AuxiliaryHeads(nn.Module):
+    """Two auxiliary classifiers that exist only while training.
 
     Whether "yes" is right depends on the picture *and* on the question, an exclusive or that takes
-    long to find from the answers alone. So one helper reads the state from the picture's values,
+    long to learn from the answers alone. So one head predicts the state from the picture's values,
     the other what "yes" would mean from the question's slots.
     """
 
@@ -161,8 +157,8 @@ class _Aid(nn.Module):
         self.state = nn.Linear(2 * width, len(THINGS))
         self.meaning = nn.Linear(n_slots * width, 3)
 
-    def forward(self, batch: Batch, memory: Memory, read: Tensor) -> Tensor:
-        """The sum of both helpers' losses."""
+    def forward(self, batch: TrainingBatch, memory: ImageMemory, read: Tensor) -> Tensor:
+        """The sum of both heads' losses."""
         values = memory.keys_values[0][1]  # (n_images x n_views, n_heads, 49, head_width)
         pooled = torch.cat([values.mean(dim=2), values.amax(dim=2)], dim=-1).flatten(1)
         things = batch.things.repeat_interleave(N_VIEWS)

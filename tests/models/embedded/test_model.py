@@ -11,17 +11,13 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from vqa_state import models
-from vqa_state.embedded_training.curriculum import Drill, make_drills
-from vqa_state.embedded_training.evidence import Evidence
 from vqa_state.embedded_training.experiments import questions_about
-from vqa_state.embedded_training.lexicon import (
-    HELD_OUT_NOUNS,
-    LEXICON,
-    OPENABLE,
-    UNRELATED,
-    shares_a_word,
-)
+from vqa_state.embedded_training.lexicon import Evidence, lexicon, shares_a_word
 from vqa_state.embedded_training.scenes import PAPER_THINGS, THINGS
+from vqa_state.embedded_training.training_questions import (
+    TrainingQuestion,
+    make_training_questions,
+)
 from vqa_state.errors import ModelError
 from vqa_state.models.embedded.model import EmbeddedModel
 from vqa_state.models.embedded.network import N_VIEWS
@@ -38,6 +34,10 @@ from vqa_state.models.embedded.vocabulary import ANSWERS
 from vqa_state.models.embedded.weights import WEIGHTS
 
 ROOT = Path(__file__).parent.parent.parent.parent
+LEXICON = lexicon().things
+OPENABLE = [thing for thing, entry in LEXICON.items() if entry.has_door]
+HELD_OUT_NOUNS = {thing: entry.held_out for thing, entry in LEXICON.items() if entry.held_out}
+UNRELATED = lexicon().unrelated
 QUESTIONS = [question.text for question in questions_about("transparent_door")]
 
 
@@ -205,18 +205,18 @@ class TestViews:
         assert max(views.count(view) for view in range(N_VIEWS)) < len(QUESTIONS) / 2
 
 
-def drills_of(thing):
-    return make_drills(thing, 3000, np.random.default_rng(0))
+def questions_on(thing):
+    return make_training_questions(thing, 3000, np.random.default_rng(0))
 
 
-class TestCurriculum:
+class TestTrainingQuestions:
     @pytest.mark.parametrize("thing", THINGS)
     def test_all_answers_are_in_the_vocabulary(self, thing):
-        drills = make_drills(thing, 300, np.random.default_rng(0))
+        asked = make_training_questions(thing, 300, np.random.default_rng(0))
         assert {
-            answer for drill in drills for answer in (drill.when_true, drill.when_false)
+            answer for question in asked for answer in (question.when_true, question.when_false)
         } <= set(ANSWERS)
-        assert len({drill.text for drill in drills}) == len(drills)
+        assert len({question.text for question in asked}) == len(asked)
 
     @pytest.mark.parametrize(
         ("question", "when_open"),
@@ -228,25 +228,26 @@ class TestCurriculum:
         ],
     )
     def test_state_questions_follow_the_label(self, question, when_open):
-        drills = make_drills("door", 8000, np.random.default_rng(0))
-        drill = next(drill for drill in drills if drill.text == question)
-        assert drill.answer(True, {}) == when_open
-        assert drill.answer(False, {}) == ("no" if when_open == "yes" else "yes")
+        asked = make_training_questions("door", 8000, np.random.default_rng(0))
+        one = next(one for one in asked if one.text == question)
+        assert one.answer(True, {}) == when_open
+        assert one.answer(False, {}) == ("no" if when_open == "yes" else "yes")
 
     def test_nobody_is_asked_for_an_unknown_fact(self):
-        drill = Drill("Is the door wide open?", "yes", "no", Evidence("degree", 0.65, 1.0))
-        assert drill.answer(True, {}) is None
-        assert drill.answer(True, {"degree": 0.3}) == "no"
-        assert drill.answer(True, {"degree": 0.9}) == "yes"
+        evidence = Evidence("degree", 0.65, 1.0)
+        question = TrainingQuestion("Is the door wide open?", "yes", "no", evidence)
+        assert question.answer(True, {}) is None
+        assert question.answer(True, {"degree": 0.3}) == "no"
+        assert question.answer(True, {"degree": 0.9}) == "yes"
 
     def test_held_out_nouns_are_never_taught(self):
         for thing, nouns in HELD_OUT_NOUNS.items():
-            taught = " | ".join(drill.text for drill in drills_of(thing)).lower()
+            taught = " | ".join(question.text for question in questions_on(thing)).lower()
             assert not [noun for noun in nouns if f" {noun} " in taught]
 
     def test_wholly_new_words_are_in_no_question_about_anything(self):
         taught = {
-            word for thing in THINGS for drill in drills_of(thing) for word in words(drill.text)
+            word for thing in THINGS for one in questions_on(thing) for word in words(one.text)
         }
         new = [
             noun for nouns in HELD_OUT_NOUNS.values() for noun in nouns if not shares_a_word(noun)
@@ -277,21 +278,21 @@ class TestCurriculum:
             assert {shares_a_word(noun) for noun in nouns} == {True, False}
 
     def test_unrelated_questions_have_no_answer(self):
-        asked = {drill.text: drill for drill in drills_of("door")}
+        asked = {question.text: question for question in questions_on("door")}
         unrelated = [asked[text] for text in UNRELATED if text in asked]
         assert unrelated
-        assert {drill.answer(True, {}) for drill in unrelated} == {"none"}
+        assert {question.answer(True, {}) for question in unrelated} == {"none"}
 
     @pytest.mark.parametrize("thing", sorted(OPENABLE))
     def test_no_door_is_denied_to_be_a_door(self, thing):
-        drills = make_drills(thing, 2000, np.random.default_rng(1))
+        asked = make_training_questions(thing, 2000, np.random.default_rng(1))
         nouns = {noun for other in OPENABLE for noun in LEXICON[other].nouns}
         # A lid may be that of a laptop, and a window's curtain is no window.
         nouns -= {*LEXICON["laptop"].nouns, "window"}
         denied = [
-            drill.text
-            for drill in drills
-            if drill.when_true == "none" and drill.text not in UNRELATED
+            question.text
+            for question in asked
+            if question.when_true == "none" and question.text not in UNRELATED
         ]
         assert denied
         assert not [text for text in denied if any(f" {noun} " in text for noun in nouns)]

@@ -1,6 +1,7 @@
-"""Rendered pictures of household things in two states each (development only)."""
+"""Rendered pictures of household things in two states each."""
 
-from vqa_state.embedded_training.scenes.rendering import Picture, SceneRenderer, render_scene
-from vqa_state.embedded_training.scenes.seeds import PAPER_THINGS, THINGS, Split
+from vqa_state.embedded_training.scenes.random_draws import SceneSplit
+from vqa_state.embedded_training.scenes.rendering import RenderedPicture, SceneRenderer
+from vqa_state.embedded_training.scenes.things import PAPER_THINGS, THINGS
 
-__all__ = ["PAPER_THINGS", "THINGS", "Picture", "SceneRenderer", "Split", "render_scene"]
+__all__ = ["PAPER_THINGS", "THINGS", "RenderedPicture", "SceneRenderer", "SceneSplit"]

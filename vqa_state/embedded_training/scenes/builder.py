@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
 
+from vqa_state.embedded_training.scenes.random_draws import RandomDraws
 from vqa_state.embedded_training.scenes.textures import (
     Colour,
     encode_png,
@@ -19,7 +19,6 @@ from vqa_state.embedded_training.scenes.textures import (
 
 __all__ = ["SceneBuilder", "Vector", "hinge", "slide"]
 
-T = TypeVar("T")
 Vector = tuple[float, float, float]
 
 #: How often a finish gets a texture instead of one flat colour, and which ones suit it.
@@ -35,36 +34,16 @@ _TEXTURES: dict[str, tuple[float, tuple[str, ...]]] = {
 }
 
 
-class SceneBuilder:
+class SceneBuilder(RandomDraws):
     """Collects geometry as XML. Lengths in metres, angles in radians, +z is up, +y is away."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self.rng = rng
+        super().__init__(rng)
         self.textures: dict[str, bytes] = {}
         self._assets: list[str] = []
         self._world: list[str] = []
         self._textured: set[str] = set()
         self._materials = 0
-
-    def uniform(self, low: float, high: float) -> float:
-        """One number in [low, high)."""
-        return float(self.rng.uniform(low, high))
-
-    def chance(self, probability: float) -> bool:
-        """True with the given probability."""
-        return bool(self.rng.random() < probability)
-
-    def count(self, low: int, high: int) -> int:
-        """One whole number from low to high, both included."""
-        return int(self.rng.integers(low, high + 1))
-
-    def pick(self, options: Sequence[T]) -> T:
-        """One of the options."""
-        return options[int(self.rng.integers(len(options)))]
-
-    def side(self) -> float:
-        """-1 (left, front) or +1 (right, back)."""
-        return self.pick((-1.0, 1.0))
 
     def material(self, finish: str = "any", *, glow: float = 0.0, alpha: float = 1.0) -> str:
         """Declare a material and return its name.
@@ -92,23 +71,19 @@ class SceneBuilder:
         at: Vector | None = None,
         along: tuple[Vector, Vector] | None = None,
         turn: Vector | None = None,
-        name: str | None = None,
     ) -> None:
         """Add a primitive at a place, or along a segment (capsules, cylinders)."""
         where = f'pos="{_numbers(at)}"' if at is not None else ""
         if along is not None:
             where += f' fromto="{_numbers((*along[0], *along[1]))}"'
         rotation = f'euler="{_numbers(turn)}"' if turn is not None else ""
-        label = f'name="{name}"' if name is not None else ""
         extent = _numbers([max(value, 0.0005) for value in size])
         self._world.append(
-            f'<geom {label} type="{kind}" size="{extent}" {where} {rotation} '
+            f'<geom  type="{kind}" size="{extent}" {where} {rotation} '
             f'material="{material}" contype="0" conaffinity="0"/>'
         )
 
-    def box(
-        self, at: Vector, size: Vector, material: str, *, turn: float = 0.0, name: str | None = None
-    ) -> None:
+    def box(self, at: Vector, size: Vector, material: str, *, turn: float = 0.0) -> None:
         """Add a box of full extents `size`, turned about z.
 
         MuJoCo lays a picture on a geom's own x-y plane, so a textured upright board is made
@@ -121,7 +96,12 @@ class SceneBuilder:
             half, angles = (height / 2, depth / 2, width / 2), (0.0, math.pi / 2, 0.0)
         else:
             half, angles = (width / 2, depth / 2, height / 2), (0.0, 0.0, turn)
-        self.geom("box", half, material, at=at, turn=angles, name=name)
+        self.geom("box", half, material, at=at, turn=angles)
+
+    def pair(self, at: Vector, apart: float, size: Vector, material: str) -> None:
+        """Add two equal boxes, `apart` to the left and to the right of a place."""
+        for side in (-1, 1):
+            self.box((at[0] + side * apart, at[1], at[2]), size, material)
 
     def rod(self, start: Vector, end: Vector, radius: float, material: str) -> None:
         """Add a round bar."""
@@ -131,6 +111,10 @@ class SceneBuilder:
         """Add a bent round bar through all points."""
         for start, end in pairwise(points):
             self.rod(start, end, radius, material)
+
+    def table(self, top: float, y: float = 0.1, depth: float = 1.4) -> None:
+        """Add a wooden board whose upper side is at height `top`."""
+        self.box((0, y, top - 0.03), (3, depth, 0.06), self.material("wood"))
 
     def lamp(self, name: str, at: Vector) -> None:
         """Add a lamp that is dark until a pose lights it."""

@@ -6,18 +6,26 @@ from vqa_state.embedded_training.scenes.builder import SceneBuilder, hinge, slid
 from vqa_state.embedded_training.scenes.parts import (
     add_carcass,
     add_clutter,
+    add_clutter_beside,
     add_handle,
     add_items,
     add_room,
 )
-from vqa_state.embedded_training.scenes.stage import Blueprint, CameraRange, Facts, Pose, Stage
+from vqa_state.embedded_training.scenes.poses import open_part, opening_facts
+from vqa_state.embedded_training.scenes.simulation import (
+    Blueprint,
+    CameraRange,
+    Facts,
+    Pose,
+    Simulation,
+)
 
 __all__ = ["build_box_lid", "build_drawer", "build_laptop", "build_oven"]
 
 
 def build_drawer(scene: SceneBuilder) -> Blueprint:
     """A chest or a kitchen unit of one to five drawers."""
-    width, depth = scene.uniform(0.35, 0.9), scene.uniform(0.35, 0.5)
+    width, depth = scene.uniforms((0.35, 0.9), (0.35, 0.5))
     rows, row_height = scene.count(1, 5), scene.uniform(0.12, 0.22)
     height, bottom = rows * row_height, scene.pick((0.05, 0.3, 0.7))
     add_room(scene, depth + scene.uniform(0.02, 0.4))
@@ -38,9 +46,9 @@ def build_drawer(scene: SceneBuilder) -> Blueprint:
 
 def build_laptop(scene: SceneBuilder) -> Blueprint:
     """A laptop on a desk, its screen lit or dark."""
-    width, depth, desk = scene.uniform(0.28, 0.4), scene.uniform(0.2, 0.28), scene.uniform(0.6, 0.9)
+    width, depth, desk = scene.uniforms((0.28, 0.4), (0.2, 0.28), (0.6, 0.9))
     add_room(scene, scene.uniform(0.5, 1.5))
-    scene.box((0, 0.1, desk - 0.03), (3, scene.uniform(0.9, 1.4), 0.06), scene.material("wood"))
+    scene.table(desk, depth=scene.uniform(0.9, 1.4))
     case = scene.material(scene.pick(("metal", "dark", "white", "any")))
     scene.box((0, 0, desk + 0.009), (width, depth, 0.018), case)
     keys = scene.material("dark")
@@ -54,8 +62,7 @@ def build_laptop(scene: SceneBuilder) -> Blueprint:
         scene.geom("box", flat, screen, at=(0, -depth / 2, -0.0005))
         with scene.body((0, -depth / 2, -0.003), slide("cover", "1 0 0")):
             scene.box((0, 0, 0), (width * 0.93, depth * 0.87, 0.001), scene.material("dark"))
-    add_clutter(scene, scene.count(0, 3), (-0.9, -width / 2 - 0.1), (-0.2, 0.4), desk, 0.18)
-    add_clutter(scene, scene.count(0, 3), (width / 2 + 0.1, 0.9), (-0.2, 0.4), desk, 0.18)
+    add_clutter_beside(scene, width / 2 + 0.1, (-0.2, 0.4), desk, 0.18)
     camera = CameraRange((0, 0.05, desk + 0.08), (52, 128), (-50, -14), (0.6, 1.2))
     return Blueprint(_lift_screen(screen), camera)
 
@@ -64,16 +71,15 @@ def build_box_lid(scene: SceneBuilder) -> Blueprint:
     """A box with a hinged lid, or a pot whose lid lies on it or is held beside it."""
     table = scene.uniform(0.4, 0.9)
     add_room(scene, scene.uniform(0.5, 1.5))
-    scene.box((0, 0.1, table - 0.03), (3, 1.4, 0.06), scene.material("wood"))
-    add_clutter(scene, scene.count(0, 3), (-0.9, -0.4), (-0.2, 0.5), table, 0.25)
-    add_clutter(scene, scene.count(0, 3), (0.4, 0.9), (-0.2, 0.5), table, 0.25)
+    scene.table(table)
+    add_clutter_beside(scene, 0.4, (-0.2, 0.5), table, 0.25)
     pose, height = _add_pot(scene, table) if scene.chance(0.4) else _add_box(scene, table)
     camera = CameraRange((0, 0, table + height * 0.7), (50, 130), (-55, -18), (0.6, 1.2))
     return Blueprint(pose, camera)
 
 
 def build_oven(scene: SceneBuilder) -> Blueprint:
-    """A kitchen oven whose front, mostly with a window, folds down."""
+    """A kitchen oven whose front, mostly with a window, folds down by up to 92 degrees."""
     width, height, depth = 0.6, scene.uniform(0.45, 0.6), scene.uniform(0.5, 0.6)
     bottom = scene.pick((0.12, 0.12, 0.6))
     add_room(scene, depth + 0.03)
@@ -94,7 +100,7 @@ def build_oven(scene: SceneBuilder) -> Blueprint:
                 scene.box((0, face * 0.017, height * 0.48), pane, scene.material("dark"))
         add_handle(scene, 0, -0.015, height * 0.9, upright=False, length=width * 0.6)
     camera = CameraRange((0, -0.1, bottom + height * 0.5), (52, 128), (-35, -6), (1.1, 2.2))
-    return Blueprint(_fold_down, camera)
+    return Blueprint(open_part("front", lambda _, degree: 1.6 * degree, turns=True), camera)
 
 
 def _add_drawer(
@@ -108,24 +114,22 @@ def _add_drawer(
         tray, floor = scene.material("wood"), -height * 0.38
         scene.box((0, depth / 2, floor), (width - 0.06, depth - 0.04, 0.01), tray)
         scene.box((0, depth - 0.03, floor / 2), (width - 0.06, 0.01, height * 0.6), tray)
-        for side in (-1, 1):
-            wall = (side * (width / 2 - 0.03), depth / 2, floor / 2)
-            scene.box(wall, (0.01, depth - 0.04, height * 0.6), tray)
+        wall = (0.01, depth - 0.04, height * 0.6)
+        scene.pair((0, depth / 2, floor / 2), width / 2 - 0.03, wall, tray)
         add_items(scene, width * 0.8, depth, floor, scene.count(0, 4), height * 0.5)
 
 
 def _pull(rows: int, depth: float) -> Pose:
-    """A pose that pulls out one drawer, or a second one too."""
+    """A pose that pulls one drawer or two out."""
 
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degrees = [stage.uniform(0, 0.006)] * rows
+    def pose(sim: Simulation, is_open: bool) -> Facts:
+        degrees = [sim.uniform(0, 0.006)] * rows
         if is_open:
-            for _ in range(1 if stage.chance(0.7) else 2):
-                degrees[int(stage.rng.integers(rows))] = stage.degree(is_open)
+            for _ in range(1 if sim.chance(0.7) else 2):
+                degrees[sim.count(0, rows - 1)] = sim.degree(is_open)
         for row, degree in enumerate(degrees):
-            stage.move(f"drawer{row}", degree * depth * 0.85)
-        farthest = max(degrees) if is_open else 0.0
-        return _facts(farthest, at_angle=None)
+            sim.move(f"drawer{row}", degree * depth * 0.85)
+        return opening_facts(max(degrees) if is_open else 0.0)
 
     return pose
 
@@ -133,12 +137,12 @@ def _pull(rows: int, depth: float) -> Pose:
 def _lift_screen(screen: str) -> Pose:
     """A pose that lifts the lid by up to 130 degrees and lights the screen or not."""
 
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degree, lit = stage.degree(is_open), stage.chance(0.6)
-        stage.move("lid", -2.27 * degree)
-        stage.move("cover", 0.0 if is_open and not lit else 100.0)
-        stage.glow(screen, stage.uniform(0.4, 1) if lit and is_open else 0.0)
-        facts = _facts(degree, at_angle=is_open)
+    def pose(sim: Simulation, is_open: bool) -> Facts:
+        degree, lit = sim.degree(is_open), sim.chance(0.6)
+        sim.move("lid", -2.27 * degree)
+        sim.move("cover", 0.0 if is_open and not lit else 100.0)
+        sim.glow(screen, sim.uniform(0.4, 1) if lit and is_open else 0.0)
+        facts = opening_facts(degree, turns=True)
         return {**facts, "screen_lit": float(lit)} if degree > 0.3 else facts
 
     return pose
@@ -146,7 +150,7 @@ def _lift_screen(screen: str) -> Pose:
 
 def _add_pot(scene: SceneBuilder, table: float) -> tuple[Pose, float]:
     """A pot or jar with a lid of its own."""
-    radius, height = scene.uniform(0.08, 0.17), scene.uniform(0.08, 0.24)
+    radius, height = scene.uniforms((0.08, 0.17), (0.08, 0.24))
     finish = scene.material(scene.pick(("metal", "any", "white")))
     n_sides = 20
     for number in range(n_sides):
@@ -159,36 +163,30 @@ def _add_pot(scene: SceneBuilder, table: float) -> tuple[Pose, float]:
     for side in (-1, 1):
         scene.geom("sphere", (0.02,), finish, at=(side * (radius + 0.015), 0, table + height * 0.8))
     lid = finish if scene.chance(0.6) else scene.material()
-    joints = "".join(slide(f"lid_{axis}", place) for axis, place in _AXES)
-    with scene.body((0, 0, table + height + 0.006), joints):
+    with scene.body(
+        (0, 0, table + height + 0.006), slide("lid_x", "1 0 0") + slide("lid_z", "0 0 1")
+    ):
         scene.geom("cylinder", (radius * 1.04, 0.006), lid, at=(0, 0, 0))
         scene.geom("sphere", (0.018,), scene.material("dark"), at=(0, 0, 0.025))
     return _take_off(radius, height, scene.side()), height
 
 
-_AXES = (("x", "1 0 0"), ("z", "0 0 1"))
-
-
 def _take_off(radius: float, height: float, side: float) -> Pose:
     """A pose that pushes the lid aside, or lays it down beside the pot."""
 
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degree = stage.degree(is_open)
+    def pose(sim: Simulation, is_open: bool) -> Facts:
+        degree = sim.degree(is_open)
         beside = degree > 0.6
-        stage.move("lid_x", side * (2.2 * radius if beside else 1.7 * radius * degree))
-        stage.move("lid_z", -height if beside else 0.002 * degree)
-        return _facts(degree, at_angle=None)
+        sim.move("lid_x", side * (2.2 * radius if beside else 1.7 * radius * degree))
+        sim.move("lid_z", -height if beside else 0.002 * degree)
+        return opening_facts(degree)
 
     return pose
 
 
 def _add_box(scene: SceneBuilder, table: float) -> tuple[Pose, float]:
     """A box of boards or card, its lid hinged at the back."""
-    width, depth, height = (
-        scene.uniform(0.2, 0.45),
-        scene.uniform(0.15, 0.32),
-        scene.uniform(0.08, 0.28),
-    )
+    width, depth, height = scene.uniforms((0.2, 0.45), (0.15, 0.32), (0.08, 0.28))
     outside = scene.material(scene.pick(("wood", "cloth", "any", "white")))
     inside = outside if scene.chance(0.4) else scene.material()
     scene.box((0, 0, table + 0.006), (width, depth, 0.012), inside)
@@ -205,21 +203,7 @@ def _add_box(scene: SceneBuilder, table: float) -> tuple[Pose, float]:
         scene.box((0, -depth / 2, 0), (width + 0.02, depth + 0.02, 0.012), lid)
         if scene.chance(0.5):
             scene.box((0, -depth - 0.012, -0.015), (0.05, 0.008, 0.04), scene.material("metal"))
-    return _lift_lid, height
-
-
-def _lift_lid(stage: Stage, is_open: bool) -> Facts:
-    """Lift the lid by up to 120 degrees."""
-    degree = stage.degree(is_open)
-    stage.move("lid", -2.1 * degree)
-    return _facts(degree, at_angle=is_open)
-
-
-def _fold_down(stage: Stage, is_open: bool) -> Facts:
-    """Fold the front down by up to 92 degrees."""
-    degree = stage.degree(is_open)
-    stage.move("front", 1.6 * degree)
-    return _facts(degree, at_angle=is_open)
+    return open_part("lid", lambda _, degree: -2.1 * degree, turns=True), height
 
 
 def _add_row(scene: SceneBuilder, width: float, depth: float, top: float) -> None:
@@ -239,12 +223,3 @@ def _add_row(scene: SceneBuilder, width: float, depth: float, top: float) -> Non
         counter = (2.2, depth + 0.03, 0.04)
         scene.box((0, depth / 2, top + 0.12), counter, scene.material())
         add_clutter(scene, scene.count(0, 4), (-0.9, 0.9), (0.1, depth), top + 0.14, 0.25)
-
-
-def _facts(degree: float, *, at_angle: bool | None) -> Facts:
-    facts = {
-        "degree": degree,
-        "inside_visible": float(degree > 0.12),
-        "flush": float(degree == 0),
-    }
-    return facts if at_angle is None else {**facts, "leaf_at_angle": float(at_angle)}

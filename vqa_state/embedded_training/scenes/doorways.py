@@ -2,14 +2,21 @@
 
 from vqa_state.embedded_training.scenes.builder import SceneBuilder, hinge, slide
 from vqa_state.embedded_training.scenes.parts import add_clutter, add_handle, add_wall_with_opening
-from vqa_state.embedded_training.scenes.stage import Blueprint, CameraRange, Facts, Pose, Stage
+from vqa_state.embedded_training.scenes.poses import open_part, opening_facts
+from vqa_state.embedded_training.scenes.simulation import (
+    Blueprint,
+    CameraRange,
+    Facts,
+    Pose,
+    Simulation,
+)
 
 __all__ = ["build_door", "build_elevator", "build_transparent_door"]
 
 
 def build_door(scene: SceneBuilder) -> Blueprint:
     """A hinged room door that opens to either side."""
-    width, height = scene.uniform(0.75, 1.15), scene.uniform(1.9, 2.25)
+    width, height = scene.uniforms((0.75, 1.15), (1.9, 2.25))
     _add_rooms(scene, width, height)
     side = scene.side()
     with scene.body((side * width / 2, 0, 0), hinge("leaf")):
@@ -23,7 +30,7 @@ def build_door(scene: SceneBuilder) -> Blueprint:
 
 def build_transparent_door(scene: SceneBuilder) -> Blueprint:
     """A glass door that swings or slides; what is behind is seen in both states."""
-    width, height = scene.uniform(0.8, 1.25), scene.uniform(1.9, 2.25)
+    width, height = scene.uniforms((0.8, 1.25), (1.9, 2.25))
     _add_rooms(scene, width, height)
     side, slides = scene.side(), scene.chance(0.4)
     # A sliding leaf runs in front of the wall; a swinging one hangs in the opening.
@@ -40,7 +47,7 @@ def build_transparent_door(scene: SceneBuilder) -> Blueprint:
 
 def build_elevator(scene: SceneBuilder) -> Blueprint:
     """An elevator with one or two sliding leaves and a lit cabin behind them."""
-    width, height = scene.uniform(0.9, 1.4), scene.uniform(2.0, 2.3)
+    width, height = scene.uniforms((0.9, 1.4), (2.0, 2.3))
     add_wall_with_opening(scene, width, height, 0.14)
     _add_cabin(scene, width, height, depth=scene.uniform(1.2, 1.8))
     finish, two_leaves = scene.material("metal" if scene.chance(0.75) else "any"), scene.chance(0.7)
@@ -93,9 +100,8 @@ def _add_glass_leaf(scene: SceneBuilder, x: float, width: float, height: float) 
     frame = scene.material(scene.pick(("metal", "metal", "dark", "any")))
     bar = scene.uniform(0.025, 0.08)
     scene.box((x, 0, height / 2), (width - 0.02, 0.015, height - 0.02), pane)
-    for side in (-1, 1):
-        upright = (x + side * (width / 2 - bar / 2 - 0.01), 0.0, height / 2)
-        scene.box(upright, (bar, 0.04, height - 0.01), frame)
+    upright = (bar, 0.04, height - 0.01)
+    scene.pair((x, 0, height / 2), width / 2 - bar / 2 - 0.01, upright, frame)
     for z in (height - bar / 2, bar / 2 + 0.01):
         scene.box((x, 0, z), (width, 0.04, bar), frame)
     if scene.chance(0.6):
@@ -107,9 +113,8 @@ def _add_cabin(scene: SceneBuilder, width: float, height: float, depth: float) -
     back = scene.material("metal" if scene.chance(0.5) else "wall", glow=scene.uniform(0, 0.3))
     sides = scene.material("any", glow=0.1)
     scene.box((0, depth, height / 2), (width * 1.3, 0.05, height), back)
-    for side in (-1, 1):
-        place = (side * width * 0.62, depth / 2 + 0.1, height / 2)
-        scene.box(place, (0.05, depth - 0.1, height), sides)
+    wall = (0.05, depth - 0.1, height)
+    scene.pair((0, depth / 2 + 0.1, height / 2), width * 0.62, wall, sides)
     ceiling = scene.material("white", glow=scene.uniform(0.2, 0.9))
     scene.box((0, depth / 2, height + 0.02), (width * 1.3, depth, 0.04), ceiling)
     floor = (width * 1.2, depth - 0.1, 0.01)
@@ -133,46 +138,32 @@ def _add_buttons(scene: SceneBuilder, width: float, height: float) -> None:
 def _swing(direction: float) -> Pose:
     """A pose that turns the leaf by 9 to 115 degrees, or leaves it shut."""
 
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degree = stage.degree(is_open)
-        stage.move("leaf", direction * (2.0 * degree + stage.uniform(0, 0.02)))
-        return _facts(degree, at_angle=is_open, way_free=degree > 0.4)
+    def angle(sim: Simulation, degree: float) -> float:
+        return direction * (2.0 * degree + sim.uniform(0, 0.02))
 
-    return pose
+    return open_part("leaf", angle, turns=True, visible_from=0.15, passable_from=0.4)
 
 
 def _slide(direction: float, width: float) -> Pose:
     """A pose that slides the leaf aside by up to its width, or not at all."""
 
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degree = stage.degree(is_open)
-        stage.move("leaf", direction * (0.96 * degree + stage.uniform(0, 0.01)) * width)
-        return _facts(degree, at_angle=False, way_free=degree > 0.6)
+    def place(sim: Simulation, degree: float) -> float:
+        return direction * (0.96 * degree + sim.uniform(0, 0.01)) * width
 
-    return pose
+    return open_part("leaf", place, turns=False, visible_from=0.15, passable_from=0.6)
 
 
 def _part(width: float, side: float, two_leaves: bool) -> Pose:
     """A pose that draws both leaves apart, or both to one side."""
 
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degree = stage.degree(is_open)
-        share = 0.97 * degree + stage.uniform(0, 0.006)
+    def pose(sim: Simulation, is_open: bool) -> Facts:
+        degree = sim.degree(is_open)
+        share = 0.97 * degree + sim.uniform(0, 0.006)
         for number, own_side in enumerate((-1.0, 1.0)):
             # The leaf that is already on that side goes half as far as the other.
             far = 1.0 if own_side != side else 0.5
             way = own_side * width / 2 if two_leaves else side * width * far
-            stage.move(f"leaf{number}", share * way)
-        return _facts(degree, at_angle=False, way_free=degree > 0.5)
+            sim.move(f"leaf{number}", share * way)
+        return opening_facts(degree, turns=False, visible_from=0.15, passable_from=0.5)
 
     return pose
-
-
-def _facts(degree: float, *, at_angle: bool, way_free: bool) -> Facts:
-    return {
-        "degree": degree,
-        "inside_visible": float(degree > 0.15),
-        "leaf_at_angle": float(at_angle),
-        "flush": float(degree == 0),
-        "way_free": float(way_free),
-    }

@@ -1,27 +1,25 @@
 """Boxes with hinged fronts: cabinets, refrigerators, microwaves."""
 
-from collections.abc import Sequence
-
-from vqa_state.embedded_training.scenes.builder import SceneBuilder
+from vqa_state.embedded_training.scenes.builder import SceneBuilder, slide
 from vqa_state.embedded_training.scenes.parts import (
     Leaf,
     add_carcass,
     add_clutter,
+    add_clutter_beside,
     add_handle,
     add_items,
     add_leaf,
     add_room,
-    swing_leaves,
 )
-from vqa_state.embedded_training.scenes.sliding import add_sliding_fronts
-from vqa_state.embedded_training.scenes.stage import Blueprint, CameraRange, Facts, Pose, Stage
+from vqa_state.embedded_training.scenes.poses import open_part, swing_leaves
+from vqa_state.embedded_training.scenes.simulation import Blueprint, CameraRange, Pose
 
 __all__ = ["build_cabinet", "build_microwave", "build_refrigerator"]
 
 
 def build_cabinet(scene: SceneBuilder) -> Blueprint:
     """A cupboard with one or two leaves or sliding fronts, on the floor or on the wall."""
-    width, height, depth = scene.uniform(0.4, 1), scene.uniform(0.4, 1.1), scene.uniform(0.3, 0.5)
+    width, height, depth = scene.uniforms((0.4, 1), (0.4, 1.1), (0.3, 0.5))
     bottom = scene.pick((0.05, 0.9, 1.4))
     add_room(scene, depth + 0.02)
     outside = scene.material(scene.pick(("wood", "wood", "white", "any")))
@@ -30,7 +28,7 @@ def build_cabinet(scene: SceneBuilder) -> Blueprint:
     _add_shelves(scene, (width, depth, height), bottom, inside)
     fronts = outside if scene.chance(0.6) else scene.material()
     if scene.chance(0.25):
-        pose = add_sliding_fronts(scene, width, height, bottom, fronts)
+        pose = _add_sliding_fronts(scene, width, height, bottom, fronts)
     else:
         pose = _add_cabinet_leaves(scene, width, height, bottom, fronts)
     _add_neighbours(scene, (width, depth, height), bottom, fronts)
@@ -42,11 +40,7 @@ def build_cabinet(scene: SceneBuilder) -> Blueprint:
 
 def build_refrigerator(scene: SceneBuilder) -> Blueprint:
     """One door, a door and a freezer, or two doors side by side, with food on the shelves."""
-    width, height, depth = (
-        scene.uniform(0.55, 0.9),
-        scene.uniform(1.3, 1.9),
-        scene.uniform(0.55, 0.7),
-    )
+    width, height, depth = scene.uniforms((0.55, 0.9), (1.3, 1.9), (0.55, 0.7))
     bottom = 0.03
     add_room(scene, depth + 0.05)
     outside = scene.material(scene.pick(("white", "metal", "any", "dark")))
@@ -65,16 +59,12 @@ def build_refrigerator(scene: SceneBuilder) -> Blueprint:
         add_leaf(scene, leaf, outside, bar=scene.chance(0.8))
     _add_kitchen(scene, width, depth)
     camera = CameraRange((0, 0, height * 0.5), (52, 128), (-18, 8), (1.7, 3.2))
-    return Blueprint(_swing(leaves, 2.1), camera)
+    return Blueprint(swing_leaves([leaf.side for leaf in leaves], 2.1), camera)
 
 
 def build_microwave(scene: SceneBuilder) -> Blueprint:
     """A microwave oven on a counter, its door hinged on the left."""
-    width, height, depth = (
-        scene.uniform(0.42, 0.56),
-        scene.uniform(0.25, 0.34),
-        scene.uniform(0.3, 0.4),
-    )
+    width, height, depth = scene.uniforms((0.42, 0.56), (0.25, 0.34), (0.3, 0.4))
     bottom = scene.uniform(0.8, 1.3)
     add_room(scene, depth + scene.uniform(0.02, 0.3))
     counter = (3.0, depth + 0.35, 0.07)
@@ -92,17 +82,9 @@ def build_microwave(scene: SceneBuilder) -> Blueprint:
     front = outside if scene.chance(0.7) else scene.material("dark")
     style = "window" if scene.chance(0.85) else "flat"
     add_leaf(scene, leaf, front, front=style, bar=scene.chance(0.6), handle_z=0.0)
-    add_clutter(scene, scene.count(0, 3), (-1, -width / 2 - 0.15), (-0.1, depth), bottom, 0.25)
-    add_clutter(scene, scene.count(0, 3), (width / 2 + 0.15, 1), (-0.1, depth), bottom, 0.25)
+    add_clutter_beside(scene, width / 2 + 0.15, (-0.1, depth), bottom, 0.25, reach=1)
     camera = CameraRange((0, 0, bottom + height / 2), (52, 128), (-35, 2), (0.65, 1.3))
-    return Blueprint(_swing([leaf], 2.1), camera)
-
-
-def _swing(leaves: Sequence[Leaf], farthest: float) -> Pose:
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        return swing_leaves(stage, leaves, is_open, farthest)
-
-    return pose
+    return Blueprint(swing_leaves([leaf.side], 2.1), camera)
 
 
 def _add_shelves(
@@ -119,23 +101,40 @@ def _add_shelves(
 def _add_cabinet_leaves(
     scene: SceneBuilder, width: float, height: float, bottom: float, finish: str
 ) -> Pose:
-    leaves = _cabinet_leaves(scene, width, height, bottom)
+    if scene.chance(0.6):
+        leaves = _pair_of_leaves(width, height, bottom)
+    else:
+        side = scene.side()
+        leaves = [Leaf("leaf0", side, side * width / 2, bottom + height / 2, width, height)]
     style = "panel" if scene.chance(0.5) else "flat"
     for leaf in leaves:
         add_leaf(scene, leaf, finish, front=style)
-    return _swing(leaves, 2.2)
+    return swing_leaves([leaf.side for leaf in leaves], 2.2)
 
 
-def _cabinet_leaves(scene: SceneBuilder, width: float, height: float, bottom: float) -> list[Leaf]:
-    middle = bottom + height / 2
-    if scene.chance(0.6):
-        sides = (-1.0, 1.0)
-        return [
-            Leaf(f"leaf{number}", side, side * width / 2, middle, width / 2, height)
-            for number, side in enumerate(sides)
-        ]
-    side = scene.side()
-    return [Leaf("leaf0", side, side * width / 2, middle, width, height)]
+def _pair_of_leaves(
+    width: float, height: float, bottom: float, thickness: float = 0.03
+) -> list[Leaf]:
+    """Two leaves that meet in the middle."""
+    return [
+        Leaf(f"leaf{n}", side, side * width / 2, bottom + height / 2, width / 2, height, thickness)
+        for n, side in enumerate((-1.0, 1.0))
+    ]
+
+
+def _add_sliding_fronts(
+    scene: SceneBuilder, width: float, height: float, bottom: float, finish: str
+) -> Pose:
+    """Two fronts on two tracks, of which one moves, or one before half of a fixed wall."""
+    middle, side = bottom + height / 2, scene.side()
+    panel = (width / 2 + 0.015, 0.018, height - 0.01)
+    fixed = finish if scene.chance(0.7) else scene.material()
+    scene.box((-side * width / 4, -0.012, middle), panel, fixed)
+    with scene.body((side * width / 4, -0.034, middle), slide("front")):
+        scene.box((0, 0, 0), panel, finish)
+        grip = side * width * scene.pick((0.18, -0.18))
+        add_handle(scene, grip, -0.009, 0, upright=True, length=min(0.15, height * 0.3))
+    return open_part("front", lambda _, degree: -side * degree * width * 0.48, turns=False)
 
 
 def _refrigerator_leaves(
@@ -146,10 +145,7 @@ def _refrigerator_leaves(
     if kind == 0:
         return [Leaf("leaf0", side, side * width / 2, bottom + height / 2, width, height, 0.06)]
     if kind == 1:
-        return [
-            Leaf(f"leaf{n}", own, own * width / 2, bottom + height / 2, width / 2, height, 0.06)
-            for n, own in enumerate((-1.0, 1.0))
-        ]
+        return _pair_of_leaves(width, height, bottom, 0.06)
     low = height * (scene.uniform(0.6, 0.72) if kind == 2 else scene.uniform(0.3, 0.4))
     high = height - low
     x = side * width / 2
@@ -190,11 +186,7 @@ def _add_kitchen(scene: SceneBuilder, width: float, depth: float) -> None:
 
 
 def _add_control_panel(
-    scene: SceneBuilder,
-    size: tuple[float, float, float],
-    bottom: float,
-    panel: float,
-    finish: str,
+    scene: SceneBuilder, size: tuple[float, float, float], bottom: float, panel: float, finish: str
 ) -> None:
     width, depth, height = size
     x = width / 2 - panel / 2

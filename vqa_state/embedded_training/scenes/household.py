@@ -4,9 +4,16 @@ import math
 
 import numpy as np
 
-from vqa_state.embedded_training.scenes.builder import SceneBuilder, hinge
+from vqa_state.embedded_training.scenes.builder import SceneBuilder, Vector, hinge, slide
 from vqa_state.embedded_training.scenes.parts import add_clutter, add_room
-from vqa_state.embedded_training.scenes.stage import Blueprint, CameraRange, Facts, Pose, Stage
+from vqa_state.embedded_training.scenes.poses import opening_facts
+from vqa_state.embedded_training.scenes.simulation import (
+    Blueprint,
+    CameraRange,
+    Facts,
+    Pose,
+    Simulation,
+)
 
 __all__ = ["build_display", "build_handbag", "build_light"]
 
@@ -49,20 +56,19 @@ def build_display(scene: SceneBuilder) -> Blueprint:
     upright = (math.pi / 2, 0.0, 0.0)
     panel = scene.screen()
     scene.geom("box", flat, panel, at=(0, y - 0.021, middle), turn=upright)
-    with scene.body((0, y - 0.024, middle), '<joint name="cover" type="slide" axis="0 0 1"/>'):
+    with scene.body((0, y - 0.024, middle), slide("cover", "0 0 1")):
         scene.box((0, 0, 0), (width, 0.003, height), scene.material("dark"))
-    camera = CameraRange(
-        (0, y, middle), (55, 125), (-25, 8), (width * 1.1 + 0.1, width * 2.2 + 0.2)
-    )
+    distance = (width * 1.1 + 0.1, width * 2.2 + 0.2)
+    camera = CameraRange((0, y, middle), (55, 125), (-25, 8), distance)
     return Blueprint(_switch_display(panel), camera)
 
 
 def build_handbag(scene: SceneBuilder) -> Blueprint:
     """A bag on a table, seen from above; closed by a flap, or by its zip."""
-    width, height = scene.uniform(0.25, 0.42), scene.uniform(0.18, 0.32)
-    depth, table = scene.uniform(0.11, 0.19), scene.uniform(0.4, 0.9)
+    width, height = scene.uniforms((0.25, 0.42), (0.18, 0.32))
+    depth, table = scene.uniforms((0.11, 0.19), (0.4, 0.9))
     add_room(scene, scene.uniform(0.3, 1.5))
-    scene.box((0, 0.2, table - 0.03), (3, 1.4, 0.06), scene.material("wood"))
+    scene.table(table, y=0.2)
     add_clutter(scene, scene.count(0, 3), (-0.9, -width), (-0.2, 0.4), table, 0.25)
     add_clutter(scene, scene.count(0, 2), (width, 0.9), (-0.2, 0.4), table, 0.25)
     cloth = scene.material("cloth")
@@ -104,19 +110,19 @@ def _add_lamp(scene: SceneBuilder, shade: str, x: float, y: float, ceiling: floa
 def _switch_light(shade: str, daylight: bool) -> Pose:
     """A pose that makes the shade glow and the lamp shine, in front of daylight or none."""
 
-    def pose(stage: Stage, is_on: bool) -> Facts:
+    def pose(sim: Simulation, is_on: bool) -> Facts:
         strength = 0.0
-        warm = (1.0, stage.uniform(0.85, 1), stage.uniform(0.65, 1))
-        level = stage.uniform(0.2, 0.4) if daylight else stage.uniform(0.04, 0.18)
-        stage.dim(stage.uniform(0.3, 0.7) if daylight else stage.uniform(0, 0.3))
+        warm = (1.0, sim.uniform(0.85, 1), sim.uniform(0.65, 1))
+        level = sim.uniform(0.2, 0.4) if daylight else sim.uniform(0.04, 0.18)
+        sim.dim(sim.uniform(0.3, 0.7) if daylight else sim.uniform(0, 0.3))
         if is_on:
-            strength = stage.uniform(0.35, 1)
-            stage.paint(shade, warm, 0.4 + 0.6 * strength)
-            stage.light("lamp", (strength, warm[1] * strength, warm[2] * strength))
-            stage.ambient(level + stage.uniform(0.1, 0.3), stage.uniform(0, 0.2))
+            strength = sim.uniform(0.35, 1)
+            sim.paint(shade, warm, 0.4 + 0.6 * strength)
+            sim.light("lamp", (strength, warm[1] * strength, warm[2] * strength))
+            sim.ambient(level + sim.uniform(0.1, 0.3), sim.uniform(0, 0.2))
         else:
-            stage.paint(shade, (stage.uniform(0.5, 0.85),) * 3, 0.0)
-            stage.ambient(level, stage.uniform(0, 0.2))
+            sim.paint(shade, (sim.uniform(0.5, 0.85),) * 3, 0.0)
+            sim.ambient(level, sim.uniform(0, 0.2))
         return {
             "degree": strength,
             "room_bright": float(strength > 0.6 or daylight),
@@ -139,22 +145,16 @@ def _add_desk(scene: SceneBuilder, bottom: float, width: float) -> None:
 def _switch_display(panel: str) -> Pose:
     """A pose that hides the lit panel behind a dark one, or takes the dark one far away."""
 
-    def pose(stage: Stage, is_on: bool) -> Facts:
-        glow = stage.uniform(0.25, 1) if is_on else 0.0
-        stage.move("cover", 100.0 if is_on else 0.0)
-        stage.glow(panel, glow)
+    def pose(sim: Simulation, is_on: bool) -> Facts:
+        glow = sim.uniform(0.25, 1) if is_on else 0.0
+        sim.move("cover", 100.0 if is_on else 0.0)
+        sim.glow(panel, glow)
         return {"degree": glow, "picture_shown": float(is_on)}
 
     return pose
 
 
-def _add_bag(
-    scene: SceneBuilder,
-    size: tuple[float, float, float],
-    table: float,
-    cloth: str,
-    has_flap: bool,
-) -> None:
+def _add_bag(scene: SceneBuilder, size: Vector, table: float, cloth: str, has_flap: bool) -> None:
     """Two walls that lean in or out, gussets between them, handles, things inside."""
     width, depth, height = size
     lining = scene.material("dark" if scene.chance(0.6) else "cloth")
@@ -171,16 +171,12 @@ def _add_bag(
                 scene.box((0, -0.008, height * 0.35), size, pocket)
             if not (has_flap and side < 0):
                 _add_grip(scene, width, height, side, grips)
-    for side in (-1, 1):
-        place = (side * width / 2, 0.0, table + height * 0.4)
-        scene.box(place, (0.012, depth * 0.8, height * 0.8), cloth)
+    gusset = (0.012, depth * 0.8, height * 0.8)
+    scene.pair((0, 0, table + height * 0.4), width / 2, gusset, cloth)
     for _ in range(scene.count(1, 5)):
         x, y = scene.uniform(-width * 0.35, width * 0.35), scene.uniform(-depth * 0.2, depth * 0.2)
-        extent = (
-            scene.uniform(0.03, 0.1),
-            scene.uniform(0.02, 0.05),
-            height * scene.uniform(0.3, 0.7),
-        )
+        wide, deep, share = scene.uniforms((0.03, 0.1), (0.02, 0.05), (0.3, 0.7))
+        extent = (wide, deep, height * share)
         scene.box((x, y, table + height * 0.45), extent, scene.material())
     if has_flap:
         _add_flap(scene, size=(width, depth, height), table=table, cloth=cloth)
@@ -197,15 +193,11 @@ def _add_grip(scene: SceneBuilder, width: float, height: float, side: float, fin
     scene.tube(points, 0.007, finish)
 
 
-def _add_flap(
-    scene: SceneBuilder, size: tuple[float, float, float], table: float, cloth: str
-) -> None:
+def _add_flap(scene: SceneBuilder, size: Vector, table: float, cloth: str) -> None:
     """A lid hinged at the back wall whose front end hangs over the front wall."""
     width, depth, height = size
-    finish, hang = (
-        cloth if scene.chance(0.5) else scene.material("cloth"),
-        height * scene.uniform(0.3, 0.7),
-    )
+    finish = cloth if scene.chance(0.5) else scene.material("cloth")
+    hang = height * scene.uniform(0.3, 0.7)
     with scene.body((0, depth / 2, table + height + 0.017), hinge("lid", "1 0 0")):
         scene.box((0, -depth / 2, 0), (width * 1.01, depth + 0.03, 0.012), finish)
         with scene.body((0, -depth - 0.012, 0), hinge("tongue", "1 0 0")):
@@ -215,7 +207,7 @@ def _add_flap(
 
 def _add_zip(scene: SceneBuilder, width: float, z: float) -> None:
     """A zip along the closed mouth; an open bag carries it away."""
-    with scene.body((0, 0, z), '<joint name="zip" type="slide" axis="0 0 1"/>'):
+    with scene.body((0, 0, z), slide("zip", "0 0 1")):
         metal = scene.material("metal" if scene.chance(0.6) else "dark")
         scene.box((0, 0, 0.002), (width * 0.98, 0.012, 0.008), metal)
         scene.rod((width * 0.4, -0.004, 0.0), (width * 0.4, -0.03, -0.02), 0.004, metal)
@@ -225,23 +217,19 @@ def _open_bag(depth: float, height: float, has_flap: bool) -> Pose:
     """A pose that throws the flap back, or leans the walls apart; closed walls meet above."""
     lean = math.asin(min(0.95, (depth / 2 - 0.004) / height))
 
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degree = stage.degree(is_open)
+    def pose(sim: Simulation, is_open: bool) -> Facts:
+        degree = sim.degree(is_open)
         if has_flap:
-            stage.move("front", stage.uniform(0, 0.2) if is_open else 0.0)
-            stage.move("back", -stage.uniform(0, 0.1) if is_open else 0.0)
-            stage.move("lid", -(0.7 + 2.3 * degree) if is_open else 0.0)
-            stage.move("tongue", stage.uniform(0.6, 1.5) if is_open else 0.0)
+            sim.move("front", sim.uniform(0, 0.2) if is_open else 0.0)
+            sim.move("back", -sim.uniform(0, 0.1) if is_open else 0.0)
+            sim.move("lid", -(0.7 + 2.3 * degree) if is_open else 0.0)
+            sim.move("tongue", sim.uniform(0.6, 1.5) if is_open else 0.0)
         else:
             apart = 0.3 * degree - 0.06
-            stage.move("front", apart if is_open else -lean * 0.98)
-            stage.move("back", -apart if is_open else lean * 0.98)
-            stage.move("zip", 100.0 if is_open else 0.0)
-        return {
-            "degree": degree,
-            "inside_visible": float(degree > 0.2),
-            "flap_up": float(has_flap and is_open),
-            "flush": float(not is_open),
-        }
+            sim.move("front", apart if is_open else -lean * 0.98)
+            sim.move("back", -apart if is_open else lean * 0.98)
+            sim.move("zip", 100.0 if is_open else 0.0)
+        facts = opening_facts(degree, visible_from=0.2)
+        return {**facts, "flap_up": float(has_flap and is_open)}
 
     return pose

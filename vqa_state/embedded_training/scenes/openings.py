@@ -2,16 +2,23 @@
 
 import math
 
-from vqa_state.embedded_training.scenes.builder import SceneBuilder, hinge, slide
+from vqa_state.embedded_training.scenes.builder import SceneBuilder, Vector, hinge, slide
 from vqa_state.embedded_training.scenes.parts import add_clutter, add_handle
-from vqa_state.embedded_training.scenes.stage import Blueprint, CameraRange, Facts, Pose, Stage
+from vqa_state.embedded_training.scenes.poses import open_part, opening_facts, swing_leaves
+from vqa_state.embedded_training.scenes.simulation import (
+    Blueprint,
+    CameraRange,
+    Facts,
+    Pose,
+    Simulation,
+)
 
 __all__ = ["build_curtain", "build_gate", "build_window"]
 
 
 def build_window(scene: SceneBuilder) -> Blueprint:
     """A window in a wall that swings into the room or slides, daylight behind it."""
-    width, height, sill = scene.uniform(0.6, 1.4), scene.uniform(0.7, 1.4), scene.uniform(0.7, 1)
+    width, height, sill = scene.uniforms((0.6, 1.4), (0.7, 1.4), (0.7, 1))
     _add_window_wall(scene, width, height, sill)
     two, slides = scene.chance(0.5), scene.chance(0.35)
     middle, leaf_width = sill + height / 2, width / 2 if two or slides else width
@@ -19,7 +26,7 @@ def build_window(scene: SceneBuilder) -> Blueprint:
         _add_sash(scene, (-width / 4, 0.0, middle), leaf_width, height)
         with scene.body((width / 4, -0.04, middle), slide("leaf0")):
             _add_sash(scene, (0, 0, 0), leaf_width, height)
-        pose = _push(leaf_width)
+        pose = open_part("leaf0", lambda _, degree: -degree * leaf_width, turns=False)
     else:
         sides = (-1.0, 1.0) if two else (scene.side(),)
         for number, side in enumerate(sides):
@@ -27,14 +34,14 @@ def build_window(scene: SceneBuilder) -> Blueprint:
                 _add_sash(scene, (-side * leaf_width / 2, 0, 0), leaf_width, height)
                 grip = (-side * (leaf_width - 0.04), -0.025, 0.0)
                 add_handle(scene, *grip, upright=True, length=0.1)
-        pose = _swing_in(sides)
+        pose = swing_leaves(sides, 1.9, play=0.01, together=0.6)
     camera = CameraRange((0, 0, middle), (52, 128), (-15, 10), (1.3, 2.8))
     return Blueprint(pose, camera)
 
 
 def build_curtain(scene: SceneBuilder) -> Blueprint:
     """Curtains before a window: two that part, or one that is drawn aside."""
-    width, height, sill = scene.uniform(0.9, 1.8), scene.uniform(0.9, 1.5), scene.uniform(0.5, 0.9)
+    width, height, sill = scene.uniforms((0.9, 1.8), (0.9, 1.5), (0.5, 0.9))
     _add_window_wall(scene, width, height, sill)
     _add_sash(scene, (0, 0, sill + height / 2), width, height)
     drop = height + scene.uniform(0.15, 0.6)
@@ -76,14 +83,21 @@ def build_gate(scene: SceneBuilder) -> Blueprint:
             _add_planks(scene, (centre, 0, 0.05), leaf_width - 0.02, height - 0.1, finish)
             add_handle(scene, -side * (leaf_width - 0.08), -0.04, height * 0.6, upright=False)
     camera = CameraRange((0, 0, height * 0.5), (52, 128), (-25, 0), (2.0, 4.0))
-    return Blueprint(_swing_free(sides, scene.side()), camera)
+    direction = scene.side()
+    pose = swing_leaves(
+        [direction * side for side in sides],
+        math.radians(105),
+        play=0.01,
+        together=0.7,
+        passable_from=0.4,
+    )
+    return Blueprint(pose, camera)
 
 
 def _add_window_wall(scene: SceneBuilder, width: float, height: float, sill: float) -> None:
     """A wall with a hole, a frame, a floor and a bright view outside."""
     wall, top = scene.material("wall"), sill + height
-    for side in (-1, 1):
-        scene.box((side * (width / 2 + 3), 0.03, 1.5), (6, 0.12, 3), wall)
+    scene.pair((0, 0.03, 1.5), width / 2 + 3, (6, 0.12, 3), wall)
     scene.box((0, 0.03, sill / 2), (width, 0.12, sill), wall)
     scene.box((0, 0.03, (top + 3) / 2), (width, 0.12, max(0.1, 3 - top)), wall)
     scene.box((0, -4, -0.05), (14, 8.2, 0.1), scene.material("floor"))
@@ -101,9 +115,7 @@ def _add_window_wall(scene: SceneBuilder, width: float, height: float, sill: flo
     add_clutter(scene, scene.count(0, 2), (-1.5, 1.5), (-0.9, -0.4), 0, 0.5)
 
 
-def _add_sash(
-    scene: SceneBuilder, at: tuple[float, float, float], width: float, height: float
-) -> None:
+def _add_sash(scene: SceneBuilder, at: Vector, width: float, height: float) -> None:
     """A pane with bars around it, at times a cross."""
     x, y, z = at
     frame, bar = scene.material(scene.pick(("white", "wood"))), scene.uniform(0.03, 0.06)
@@ -123,9 +135,7 @@ def _add_fold(scene: SceneBuilder, cloth: str, bottom: float, top: float, pitch:
     scene.box((pitch / 2, 0.01, (top + bottom) / 2), (pitch, 0.012, top - bottom), cloth)
 
 
-def _add_planks(
-    scene: SceneBuilder, at: tuple[float, float, float], width: float, height: float, finish: str
-) -> None:
+def _add_planks(scene: SceneBuilder, at: Vector, width: float, height: float, finish: str) -> None:
     """Upright planks or bars on two rails."""
     x, y, z = at
     pitch = scene.uniform(0.09, 0.16)
@@ -138,70 +148,18 @@ def _add_planks(
         scene.box((x, y + 0.02, z + height * level), (width, 0.03, 0.07), finish)
 
 
-def _push(width: float) -> Pose:
-    """A pose that slides the pane in front of the fixed one."""
-
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degree = stage.degree(is_open)
-        stage.move("leaf0", -degree * width)
-        return _facts(degree, at_angle=False)
-
-    return pose
-
-
-def _swing_in(sides: tuple[float, ...]) -> Pose:
-    """A pose that swings one sash or both into the room."""
-
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        chosen, together = int(stage.rng.integers(len(sides))), stage.chance(0.6)
-        degrees = []
-        for number, side in enumerate(sides):
-            degree = stage.degree(is_open and (together or number == chosen))
-            stage.move(f"leaf{number}", side * (1.9 * degree + stage.uniform(0, 0.01)))
-            degrees.append(degree)
-        return _facts(max(degrees), at_angle=is_open)
-
-    return pose
-
-
 def _draw_apart(sides: tuple[float, ...], folds: int, reach: float, width: float) -> Pose:
     """A pose that pushes all folds to their own sides, or spreads them over the window."""
 
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        degree = stage.degree(is_open)
+    def pose(sim: Simulation, is_open: bool) -> Facts:
+        degree = sim.degree(is_open)
         for number, side in enumerate(sides):
             outer = side * (width * 0.6 + 0.02)
             room = reach * (1 - 0.82 * degree)
             for fold in range(folds):
                 x = outer - side * room * (fold + 0.5) / folds
-                stage.move(f"fold{number}_{fold}", x)
-        facts = _facts(degree, at_angle=False)
+                sim.move(f"fold{number}_{fold}", x)
+        facts = opening_facts(degree, turns=False)
         return {**facts, "daylight": float(degree > 0.25)}
 
     return pose
-
-
-def _swing_free(sides: tuple[float, ...], direction: float) -> Pose:
-    """A pose that swings one wing or both away from or towards the camera."""
-
-    def pose(stage: Stage, is_open: bool) -> Facts:
-        chosen, together = int(stage.rng.integers(len(sides))), stage.chance(0.7)
-        degrees = []
-        for number, side in enumerate(sides):
-            degree = stage.degree(is_open and (together or number == chosen))
-            angle = math.radians(105) * degree + stage.uniform(0, 0.01)
-            stage.move(f"leaf{number}", direction * side * angle)
-            degrees.append(degree)
-        farthest = max(degrees)
-        return {**_facts(farthest, at_angle=is_open), "way_free": float(farthest > 0.4)}
-
-    return pose
-
-
-def _facts(degree: float, *, at_angle: bool) -> Facts:
-    return {
-        "degree": degree,
-        "inside_visible": float(degree > 0.12),
-        "leaf_at_angle": float(at_angle),
-        "flush": float(degree == 0),
-    }

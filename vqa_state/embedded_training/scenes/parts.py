@@ -1,21 +1,20 @@
 """Parts that several things are made of: rooms, boxes with an open front, leaves, handles."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vqa_state.embedded_training.scenes.builder import SceneBuilder, hinge
-from vqa_state.embedded_training.scenes.stage import Facts, Stage
+from vqa_state.embedded_training.scenes.builder import SceneBuilder, Vector, hinge
+from vqa_state.embedded_training.scenes.simulation import Range
 
 __all__ = [
     "Leaf",
     "add_carcass",
     "add_clutter",
+    "add_clutter_beside",
     "add_handle",
     "add_items",
     "add_leaf",
     "add_room",
     "add_wall_with_opening",
-    "swing_leaves",
 ]
 
 #: Rooms reach this far to either side, beyond what any camera sees.
@@ -36,12 +35,7 @@ class Leaf:
 
 
 def add_clutter(
-    scene: SceneBuilder,
-    n_things: int,
-    x: tuple[float, float],
-    y: tuple[float, float],
-    z: float,
-    scale: float,
+    scene: SceneBuilder, n_things: int, x: Range, y: Range, z: float, scale: float
 ) -> None:
     """Stand boxes, cylinders and bowls on a surface at height `z`; the largest is `scale` high."""
     for _ in range(n_things):
@@ -58,6 +52,14 @@ def add_clutter(
         else:
             extent = (height * 0.4, height * 0.4, height / 3)
             scene.geom("ellipsoid", extent, finish, at=(at_x, at_y, z + height / 3))
+
+
+def add_clutter_beside(
+    scene: SceneBuilder, gap: float, y: Range, z: float, scale: float, reach: float = 0.9
+) -> None:
+    """Stand up to three things to the left of -`gap`, and up to three to the right of `gap`."""
+    for x in ((-reach, -gap), (gap, reach)):
+        add_clutter(scene, scene.count(0, 3), x, y, z, scale)
 
 
 def add_items(
@@ -94,8 +96,7 @@ def add_room(scene: SceneBuilder, wall_y: float) -> None:
 def add_wall_with_opening(scene: SceneBuilder, width: float, height: float, depth: float) -> None:
     """A wall at y = 0 with a doorway, mostly framed, and a room in front of it."""
     wall = scene.material("wall")
-    for side in (-1, 1):
-        scene.box((side * (width / 2 + 3), 0, 1.5), (6, depth, 3), wall)
+    scene.pair((0, 0, 1.5), width / 2 + 3, (6, depth, 3), wall)
     scene.box((0, 0, (height + 3) / 2), (width, depth, 3 - height), wall)
     scene.box((0, 0, -0.05), (_FAR, 16, 0.1), scene.material("floor"))
     if scene.chance(0.85):
@@ -110,9 +111,8 @@ def add_wall_with_opening(scene: SceneBuilder, width: float, height: float, dept
 
 def _add_frame(scene: SceneBuilder, width: float, height: float, depth: float) -> None:
     finish, bar = scene.material(scene.pick(("white", "wood", "any"))), scene.uniform(0.04, 0.13)
-    for side in (-1, 1):
-        place = (side * (width / 2 + bar / 2 - 0.01), 0, height / 2)
-        scene.box(place, (bar, depth + 0.04, height + bar), finish)
+    post = (bar, depth + 0.04, height + bar)
+    scene.pair((0, 0, height / 2), width / 2 + bar / 2 - 0.01, post, finish)
     scene.box((0, 0, height + bar / 2), (width + 2 * bar, depth + 0.04, bar), finish)
 
 
@@ -140,12 +140,7 @@ def add_handle(
 
 
 def add_carcass(
-    scene: SceneBuilder,
-    size: tuple[float, float, float],
-    bottom: float,
-    outside: str,
-    inside: str,
-    board: float = 0.02,
+    scene: SceneBuilder, size: Vector, bottom: float, outside: str, inside: str, board: float = 0.02
 ) -> None:
     """A box of (width, depth, height) without a front, its opening at y = 0."""
     width, depth, height = size
@@ -194,25 +189,3 @@ def _add_bar(scene: SceneBuilder, x: float, y: float, z: float, height: float) -
     finish = scene.material("metal" if scene.chance(0.6) else "any")
     low, high = z - height * scene.uniform(0.1, 0.4), z + height * scene.uniform(0.1, 0.35)
     scene.rod((x, y, low), (x, y, high), 0.011, finish)
-
-
-def swing_leaves(
-    stage: Stage,
-    leaves: Sequence[Leaf],
-    is_open: bool,
-    farthest: float,
-) -> Facts:
-    """Open at least one leaf by up to `farthest` (radians), or close all of them."""
-    chosen, together = int(stage.rng.integers(len(leaves))), stage.chance(0.55)
-    degrees = []
-    for number, leaf in enumerate(leaves):
-        degree = stage.degree(is_open and (together or number == chosen))
-        stage.move(leaf.joint, leaf.side * (farthest * degree + stage.uniform(0, 0.02)))
-        degrees.append(degree)
-    farthest_open = max(degrees)
-    return {
-        "degree": farthest_open,
-        "inside_visible": float(farthest_open > 0.12),
-        "leaf_at_angle": float(is_open),
-        "flush": float(not is_open),
-    }

@@ -2,9 +2,9 @@
 
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from types import MappingProxyType, TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -12,61 +12,21 @@ from numpy.typing import NDArray
 from PIL.Image import Image
 
 from vqa_state.embedded_training.scenes.builder import SceneBuilder
-from vqa_state.embedded_training.scenes.containers import (
-    build_box_lid,
-    build_drawer,
-    build_laptop,
-    build_oven,
-)
-from vqa_state.embedded_training.scenes.doorways import (
-    build_door,
-    build_elevator,
-    build_transparent_door,
-)
-from vqa_state.embedded_training.scenes.furniture import (
-    build_cabinet,
-    build_microwave,
-    build_refrigerator,
-)
-from vqa_state.embedded_training.scenes.household import build_display, build_handbag, build_light
-from vqa_state.embedded_training.scenes.openings import build_curtain, build_gate, build_window
 from vqa_state.embedded_training.scenes.photography import photograph
-from vqa_state.embedded_training.scenes.seeds import Split, scene_generator
-from vqa_state.embedded_training.scenes.sink import build_water
-from vqa_state.embedded_training.scenes.stage import Blueprint, CameraRange, Facts, Stage
+from vqa_state.embedded_training.scenes.random_draws import SceneSplit, scene_generator
+from vqa_state.embedded_training.scenes.simulation import Blueprint, CameraRange, Facts, Simulation
 from vqa_state.embedded_training.scenes.surroundings import add_surroundings
+from vqa_state.embedded_training.scenes.things import BUILDERS
 from vqa_state.errors import MissingPackageError
 
-__all__ = ["Picture", "SceneRenderer", "draw", "import_mujoco", "render_scene"]
-
-_BUILDERS: Mapping[str, Callable[[SceneBuilder], Blueprint]] = MappingProxyType(
-    {
-        "door": build_door,
-        "elevator": build_elevator,
-        "cabinet": build_cabinet,
-        "refrigerator": build_refrigerator,
-        "microwave": build_microwave,
-        "transparent_door": build_transparent_door,
-        "light": build_light,
-        "display": build_display,
-        "handbag": build_handbag,
-        "water": build_water,
-        "drawer": build_drawer,
-        "window": build_window,
-        "curtain": build_curtain,
-        "laptop": build_laptop,
-        "box_lid": build_box_lid,
-        "gate": build_gate,
-        "oven": build_oven,
-    }
-)
+__all__ = ["RenderedPicture", "SceneRenderer", "draw", "drawing", "import_mujoco"]
 
 #: The largest picture, in pixels a side: the size of the off-screen buffer in the scene's XML.
 _MAX_SIZE = 320
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class RenderedPicture:
     """One rendered picture and what is to be seen in it."""
 
     image: Image
@@ -98,54 +58,43 @@ class SceneRenderer:
         self._context.make_current()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._context.free()
-        self._context = None
 
-    def render(self, thing: str, split: Split, seed: int, n_views: int = 1) -> list[Picture]:
+    def render(
+        self, thing: str, split: SceneSplit, seed: int, n_views: int = 1
+    ) -> list[RenderedPicture]:
         """Build one scene and take `n_views` pictures of each of its two states.
 
-        The same arguments give the same pictures; positive and negative ones alternate.
+        Returns:
+            2 x `n_views` RGB pictures; positive and negative ones alternate. The same arguments
+            give the same pictures.
         """
         rng = scene_generator(thing, split, seed)
         scene = SceneBuilder(rng)
-        blueprint = _BUILDERS[thing](scene)
+        blueprint = BUILDERS[thing](scene)
         add_surroundings(scene, blueprint.camera)
         model = self._mujoco.MjModel.from_xml_string(scene.xml(), scene.textures)
-        resources = self._mujoco.MjrContext(model, self._mujoco.mjtFontScale.mjFONTSCALE_50)
-        try:
-            self._mujoco.mjr_setBuffer(self._mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources)
+        with drawing(self._mujoco, model) as resources:
             return [
                 picture
                 for _ in range(n_views)
                 for picture in self._pair(thing, blueprint, model, resources, rng)
             ]
-        finally:
-            resources.free()
 
     def _pair(
-        self,
-        thing: str,
-        blueprint: Blueprint,
-        model: Any,
-        resources: Any,
-        rng: np.random.Generator,
-    ) -> list[Picture]:
+        self, thing: str, blueprint: Blueprint, model: Any, resources: Any, rng: np.random.Generator
+    ) -> list[RenderedPicture]:
         """Both states from one camera; in two cases of five the camera moves between them."""
-        stage = Stage(model, self._mujoco.MjData(model), rng)
+        sim = Simulation(model, self._mujoco.MjData(model), rng)
         lights = model.light_diffuse.copy()
         camera = self._camera(blueprint.camera, rng)
         pictures = []
         for is_positive in (True, False):
             model.light_diffuse[:] = lights
-            facts = blueprint.pose(stage, is_positive)
-            pixels = draw(self._mujoco, stage.model, stage.data, camera, resources, self.size)
-            pictures.append(Picture(photograph(pixels, rng), thing, is_positive, facts))
+            facts = blueprint.pose(sim, is_positive)
+            pixels = draw(self._mujoco, model, sim.data, camera, resources, self.size)
+            pictures.append(RenderedPicture(photograph(pixels, rng), thing, is_positive, facts))
             if rng.random() < 0.4:
                 camera = self._camera(blueprint.camera, rng)
         model.light_diffuse[:] = lights
@@ -161,26 +110,19 @@ class SceneRenderer:
         return camera
 
 
-def render_scene(
-    thing: str, split: Split, seed: int, *, size: int = 256, n_views: int = 1
-) -> list[Picture]:
-    """Render one scene in a context of its own; for many, keep a `SceneRenderer` open.
-
-    Returns:
-        2 x `n_views` RGB pictures of `size` x `size` pixels, positive and negative in turn.
-    """
-    with SceneRenderer(size) as renderer:
-        return renderer.render(thing, split, seed, n_views)
+@contextmanager
+def drawing(mujoco: Any, model: Any) -> Iterator[Any]:
+    """Load a model's meshes and textures for drawing into the current context's hidden buffer."""
+    resources = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+    try:
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources)
+        yield resources
+    finally:
+        resources.free()
 
 
 def draw(
-    mujoco: Any,
-    model: Any,
-    data: Any,
-    camera: Any,
-    resources: Any,
-    size: int,
-    options: Any = None,
+    mujoco: Any, model: Any, data: Any, camera: Any, resources: Any, size: int, options: Any = None
 ) -> NDArray[np.uint8]:
     """What the camera sees: RGB of shape (size, size, 3). `options` says what is visible."""
     mujoco.mj_kinematics(model, data)

@@ -4,9 +4,15 @@ import math
 
 import numpy as np
 
-from vqa_state.embedded_training.scenes.builder import SceneBuilder, Vector
-from vqa_state.embedded_training.scenes.parts import add_clutter, add_room
-from vqa_state.embedded_training.scenes.stage import Blueprint, CameraRange, Facts, Pose, Stage
+from vqa_state.embedded_training.scenes.builder import SceneBuilder, Vector, slide
+from vqa_state.embedded_training.scenes.parts import add_clutter_beside, add_room
+from vqa_state.embedded_training.scenes.simulation import (
+    Blueprint,
+    CameraRange,
+    Facts,
+    Pose,
+    Simulation,
+)
 
 __all__ = ["build_water"]
 
@@ -14,12 +20,10 @@ __all__ = ["build_water"]
 def build_water(scene: SceneBuilder) -> Blueprint:
     """A sink in a counter, a faucet over it and a stream that can be taken away."""
     counter = scene.uniform(0.8, 1)
-    width, depth, bowl = scene.uniform(0.4, 0.7), scene.uniform(0.3, 0.45), scene.uniform(0.1, 0.18)
+    width, depth, bowl = scene.uniforms((0.4, 0.7), (0.3, 0.45), (0.1, 0.18))
     add_room(scene, depth / 2 + scene.uniform(0.1, 0.3))
     _add_sink(scene, width, depth, bowl, counter)
-    left, right = (-0.9, -width / 2 - 0.08), (width / 2 + 0.08, 0.9)
-    add_clutter(scene, scene.count(0, 3), left, (-0.1, 0.2), counter, 0.2)
-    add_clutter(scene, scene.count(0, 3), right, (-0.1, 0.2), counter, 0.2)
+    add_clutter_beside(scene, width / 2 + 0.08, (-0.1, 0.2), counter, 0.2)
     outlet = _add_faucet(scene, depth, counter)
     floor = counter - bowl + 0.01
     # Water that stands in the sink says nothing about the faucet, so it is there in both states.
@@ -27,7 +31,7 @@ def build_water(scene: SceneBuilder) -> Blueprint:
     if level > floor:
         water = scene.material("white", alpha=0.4)
         scene.box((0, 0, level), (width - 0.01, depth - 0.01, 0.004), water)
-    with scene.body((0, 0, 0), '<joint name="stream" type="slide" axis="0 0 1"/>'):
+    with scene.body((0, 0, 0), slide("stream", "0 0 1")):
         strength = _add_stream(scene, outlet, level)
     target = (outlet[0], outlet[1], (counter + outlet[2] - bowl) / 2)
     return Blueprint(_turn_tap(strength), CameraRange(target, (55, 125), (-35, -8), (0.45, 0.9)))
@@ -36,8 +40,8 @@ def build_water(scene: SceneBuilder) -> Blueprint:
 def _turn_tap(strength: float) -> Pose:
     """A pose that leaves the stream where it is, or takes it far away."""
 
-    def pose(stage: Stage, runs: bool) -> Facts:
-        stage.move("stream", 0.0 if runs else -50.0)
+    def pose(sim: Simulation, runs: bool) -> Facts:
+        sim.move("stream", 0.0 if runs else -50.0)
         return {"degree": strength if runs else 0.0, "splash": float(runs)}
 
     return pose
@@ -95,22 +99,15 @@ def _add_stream(scene: SceneBuilder, outlet: Vector, level: float) -> float:
     x, y, top = outlet
     last = outlet
     for part in range(1, n_parts + 1):
-        place = (
-            x + scene.uniform(-0.002, 0.002),
-            y,
-            top - (top - level) * part / n_parts,
-        )
+        place = (x + scene.uniform(-0.002, 0.002), y, top - (top - level) * part / n_parts)
         scene.rod(last, place, radius * scene.uniform(0.85, 1.15) * (1 - 0.04 * part), water)
         last = place
     for _ in range(4):
         place = (x + scene.uniform(-0.03, 0.03), y + scene.uniform(-0.03, 0.03), level + 0.003)
-        ring = (scene.uniform(0.02, 0.09), scene.uniform(0.02, 0.08), scene.uniform(0.003, 0.012))
+        ring = scene.uniforms((0.02, 0.09), (0.02, 0.08), (0.003, 0.012))
         scene.geom("ellipsoid", ring, water, at=place)
     for _ in range(8):
-        place = (
-            x + scene.uniform(-0.06, 0.06),
-            y + scene.uniform(-0.06, 0.06),
-            level + scene.uniform(0.005, 0.05),
-        )
+        dx, dy, dz = scene.uniforms((-0.06, 0.06), (-0.06, 0.06), (0.005, 0.05))
+        place = (x + dx, y + dy, level + dz)
         scene.geom("sphere", (scene.uniform(0.002, 0.006),), water, at=place)
     return strength

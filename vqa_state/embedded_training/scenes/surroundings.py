@@ -1,7 +1,7 @@
 """What stands about in a picture without being asked for: people, robots, things in the way."""
 
 from vqa_state.embedded_training.scenes.builder import SceneBuilder
-from vqa_state.embedded_training.scenes.stage import CameraRange
+from vqa_state.embedded_training.scenes.simulation import CameraRange
 
 __all__ = ["add_surroundings"]
 

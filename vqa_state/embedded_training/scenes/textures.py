@@ -11,10 +11,19 @@ from PIL import Image, ImageDraw
 __all__ = ["Colour", "encode_png", "mixed_colour", "screen_content", "surface", "tint"]
 
 Colour = tuple[float, float, float]
+Range = tuple[float, float]
 Pattern = NDArray[np.float64]
 
 _SIZE = 96
 _WIDTH, _HEIGHT = 192, 108
+
+#: Families of colours: how often, then the ranges of hue, saturation and value.
+_FAMILIES: tuple[tuple[float, Range, Range, Range], ...] = (
+    (0.40, (0, 1), (0, 0.08), (0.3, 1)),  # neutral
+    (0.32, (0, 1), (0.1, 0.4), (0.4, 0.95)),  # muted
+    (0.16, (0.04, 0.12), (0.3, 0.6), (0.3, 0.8)),  # wood and leather
+    (0.12, (0, 1), (0.5, 0.85), (0.35, 0.95)),  # vivid
+)
 
 
 def tint(rng: np.random.Generator, colour: Colour, spread: float = 0.06) -> Colour:
@@ -25,19 +34,8 @@ def tint(rng: np.random.Generator, colour: Colour, spread: float = 0.06) -> Colo
 
 def mixed_colour(rng: np.random.Generator) -> Colour:
     """A colour as things at home have it: mostly neutral or muted, seldom vivid."""
-    family = rng.choice(4, p=[0.4, 0.32, 0.16, 0.12])
-    if family == 0:
-        hue, saturation, value = rng.random(), rng.uniform(0, 0.08), rng.uniform(0.3, 1)
-    elif family == 1:
-        hue, saturation, value = rng.random(), rng.uniform(0.1, 0.4), rng.uniform(0.4, 0.95)
-    elif family == 2:
-        hue, saturation, value = (
-            rng.uniform(0.04, 0.12),
-            rng.uniform(0.3, 0.6),
-            rng.uniform(0.3, 0.8),
-        )
-    else:
-        hue, saturation, value = rng.random(), rng.uniform(0.5, 0.85), rng.uniform(0.35, 0.95)
+    family = rng.choice(len(_FAMILIES), p=[share for share, *_ in _FAMILIES])
+    hue, saturation, value = (rng.uniform(*ends) for ends in _FAMILIES[family][1:])
     return colorsys.hsv_to_rgb(float(hue), float(saturation), float(value))
 
 

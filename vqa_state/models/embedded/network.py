@@ -1,4 +1,4 @@
-"""The network: image tokens are made once, then every question reads them with a few slots.
+"""The network: an image is encoded once, then every question attends to it with a few slots.
 
 Every question reads one of six *views* of the image, each made from another part of the tokens'
 channels. Which one is drawn by the question's own words (`view_of`). Were all questions to read the
@@ -17,7 +17,7 @@ from vqa_state.models.embedded.text import MAX_WORDS, N_BUCKETS
 from vqa_state.models.embedded.trunk import COARSE_WIDTH, N_TOKENS, TOKEN_WIDTH, Trunk
 from vqa_state.models.embedded.vocabulary import ANSWERS
 
-__all__ = ["N_VIEWS", "Memory", "VQANetwork"]
+__all__ = ["N_VIEWS", "ImageMemory", "VQANetwork"]
 
 _WIDTH = 160
 _N_HEADS = 4
@@ -28,8 +28,8 @@ N_VIEWS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
-    """What the reader keeps of images: keys and values of every layer.
+class ImageMemory:
+    """Images as questions attend to them: keys and values of every layer.
 
     Each tensor is of shape (n_images x n_views, n_heads, 49, width / n_heads).
     """
@@ -37,7 +37,7 @@ class Memory:
     keys_values: tuple[tuple[Tensor, Tensor], ...]
 
 
-class Attention(nn.Module):
+class SlotAttention(nn.Module):
     """Multi-head attention and a feed-forward layer, each with its residual."""
 
     def __init__(self, dropout: float = 0.1) -> None:
@@ -54,7 +54,7 @@ class Attention(nn.Module):
             nn.Linear(2 * _WIDTH, _WIDTH),
         )
 
-    def remember(self, source: Tensor) -> tuple[Tensor, Tensor]:
+    def keys_and_values(self, source: Tensor) -> tuple[Tensor, Tensor]:
         """Keys and values of a (n, length, width) source: (n, n_heads, length, width / n_heads)."""
         key, value = self.key_value(source).chunk(2, dim=-1)
         return _split_heads(key), _split_heads(value)
@@ -62,7 +62,7 @@ class Attention(nn.Module):
     def forward(
         self, x: Tensor, memory: tuple[Tensor, Tensor], mask: Tensor | None = None
     ) -> Tensor:
-        """Let slots (n, length, width) read a memory; `mask`, (n, 1, 1, source length), permits."""
+        """Slots (n, length, width) attend to a memory where `mask`, (n, 1, 1, source), is true."""
         query = _split_heads(self.query(self.query_norm(x)))
         read = functional.scaled_dot_product_attention(query, *memory, attn_mask=mask)
         x = x + self.merge(read.transpose(1, 2).flatten(2))
@@ -71,7 +71,7 @@ class Attention(nn.Module):
 
 
 class QuestionEncoder(nn.Module):
-    """Words to slots: what the question wants to know, in a form that can read an image."""
+    """Encodes the words of a question as slots, the queries with which it attends to an image."""
 
     def __init__(self, n_slots: int, n_layers: int = 2) -> None:
         super().__init__()
@@ -80,9 +80,9 @@ class QuestionEncoder(nn.Module):
         nn.init.normal_(self.pieces.weight, std=0.05)
         self.widen = nn.Linear(_WORD_WIDTH, _WIDTH)
         self.place = nn.Parameter(torch.randn(MAX_WORDS, _WIDTH) * 0.05)
-        self.layers = nn.ModuleList([Attention() for _ in range(n_layers)])
+        self.layers = nn.ModuleList([SlotAttention() for _ in range(n_layers)])
         self.slots = nn.Parameter(torch.randn(n_slots, _WIDTH) * 0.1)
-        self.collect = Attention()
+        self.collect = SlotAttention()
 
     def forward(self, buckets: Tensor) -> Tensor:
         """Buckets (n, MAX_WORDS, N_PIECES) -> slots (n, n_slots, width)."""
@@ -91,14 +91,14 @@ class QuestionEncoder(nn.Module):
         x = self.widen(pieces * _WORD_WIDTH**0.5) + self.place[:n_words]
         mask = (buckets[:, :, 0] > 0)[:, None, None, :]
         for layer in self.layers:
-            assert isinstance(layer, Attention)  # noqa: S101  (nn.ModuleList forgets types)
-            x = layer(x, layer.remember(layer.query_norm(x)), mask)
+            assert isinstance(layer, SlotAttention)  # noqa: S101  (nn.ModuleList forgets types)
+            x = layer(x, layer.keys_and_values(layer.query_norm(x)), mask)
         slots = self.slots.expand(n_questions, -1, -1)
-        return self.collect(slots, self.collect.remember(x), mask)  # type: ignore[no-any-return]
+        return self.collect(slots, self.collect.keys_and_values(x), mask)  # type: ignore[no-any-return]
 
 
 class VQANetwork(nn.Module):
-    """`see` once for every image, `read` once for every question, then `answer` all pairs."""
+    """Encodes every image once and every question once (`read`), then answers all pairs."""
 
     temperature: Tensor
 
@@ -112,7 +112,7 @@ class VQANetwork(nn.Module):
         self.token_dropout = nn.Dropout(0.2)
         self.place = nn.Parameter(torch.randn(N_TOKENS, _WIDTH) * 0.02)
         self.read = QuestionEncoder(n_slots)
-        self.layers = nn.ModuleList([Attention() for _ in range(n_layers)])
+        self.layers = nn.ModuleList([SlotAttention() for _ in range(n_layers)])
         self.decide = nn.Sequential(
             nn.LayerNorm(n_slots * _WIDTH),
             nn.Linear(n_slots * _WIDTH, _WIDTH),
@@ -121,22 +121,26 @@ class VQANetwork(nn.Module):
             nn.Linear(_WIDTH, len(ANSWERS)),
         )
 
-    def see(self, pixels: Tensor) -> Memory:
-        """(n_images, 3, 224, 224) pixels in about [-1, 1] -> what questions read."""
-        return self.remember(self.trunk(pixels))
+    def encode_images(self, pixels: Tensor) -> ImageMemory:
+        """(n_images, 3, 224, 224) pixels in about [-1, 1] -> keys and values."""
+        return self.encode_tokens(self.trunk(pixels))
 
-    def remember(self, tokens: Tensor) -> Memory:
-        """Tokens (n_images, 49, 768) -> what questions read."""
+    def encode_tokens(self, tokens: Tensor) -> ImageMemory:
+        """Tokens (n_images, 49, 768) -> keys and values of every view."""
         views = [
             view(tokens[..., channels])
             for view, channels in zip(self.views, self._channels, strict=True)
         ]
         source = self.token_dropout(torch.stack(views, dim=1).flatten(0, 1)) + self.place
-        return Memory(
-            tuple(layer.remember(source) for layer in self.layers if isinstance(layer, Attention))
+        return ImageMemory(
+            tuple(
+                layer.keys_and_values(source)
+                for layer in self.layers
+                if isinstance(layer, SlotAttention)
+            )
         )
 
-    def answer(self, memory: Memory, slots: Tensor) -> Tensor:
+    def answer(self, memory: ImageMemory, slots: Tensor) -> Tensor:
         """Slots (n_images, n_views, n, n_slots, width) -> logits (n_images, n_views, n, n_answers).
 
         There are `n` questions for each view. All questions of one view stand in one row of slots;

@@ -1,7 +1,7 @@
-"""What the embedded model's image network sees of a picture, as one row of numbers.
+"""Pooled features of the embedded model's image network, one row of numbers a picture.
 
-The features of the linear probe (`vqa_state.evaluation.linear_probe`): what a user would have taken
-who had labelled images and an image network, and no questions.
+The linear probe (`vqa_state.evaluation.linear_probe`) is trained on them: the baseline of labelled
+images and an image network, without questions.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,9 +1,8 @@
-"""Runs the network: every picture and every question through their own part once."""
+"""Runs the network: each picture and each question is encoded once, then all pairs are answered."""
 
-import threading
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from vqa_state.models.embedded.weights import WEIGHTS, load_network
 __all__ = ["MAX_IMAGES", "Predictor", "ReadQuestions"]
 
 #: Images that go through the network together. Their number changes no digit of any answer
-#: (measured, and tested in tests/test_embedded.py).
+#: (measured, and tested in tests/models/embedded/test_model.py).
 MAX_IMAGES = 8
 
 #: Questions of each view are answered in blocks of this many, filled up with nothing. A matrix
@@ -56,12 +55,11 @@ class Predictor:
             ModelError: if they are missing or damaged.
         """
         self._network: VQANetwork = load_network(path)
-        self._cache: OrderedDict[str, Tensor] = OrderedDict()
-        self._lock = threading.Lock()
+        self._slots = lru_cache(_MAX_CACHED)(self._read_one)
 
     @torch.inference_mode()
     def read(self, questions: Sequence[str]) -> ReadQuestions:
-        """What the network makes of questions."""
+        """Encode questions; those that were read before come from a cache."""
         filled = [0] * N_VIEWS
         places = []
         for question in questions:
@@ -86,7 +84,7 @@ class Predictor:
         take more memory and no less time.
         """
         pixels = torch.from_numpy(normalise(np.stack(list(map(to_square, images)))))
-        memory = self._network.see(pixels.contiguous(memory_format=torch.channels_last))
+        memory = self._network.encode_images(pixels.contiguous(memory_format=torch.channels_last))
         answered = torch.stack(
             [
                 self._network.answer(memory, block.expand(len(images), -1, -1, -1, -1))
@@ -105,17 +103,9 @@ class Predictor:
             for row in zip(best, yes, strict=True)
         ]
 
-    def _slots(self, question: str) -> Tensor:
-        """The slots of one question, from the cache or read alone, at its own length."""
-        with self._lock:
-            if question in self._cache:
-                self._cache.move_to_end(question)
-                return self._cache[question]
+    def _read_one(self, question: str) -> Tensor:
+        """The slots of one question, read alone, at its own length."""
         buckets = torch.from_numpy(encode_questions([question]))
         n_words = int((buckets[0, :, 0] > 0).sum())
         slots: Tensor = self._network.read(buckets[:, :n_words])[0]
-        with self._lock:
-            self._cache[question] = slots
-            if len(self._cache) > _MAX_CACHED:
-                self._cache.popitem(last=False)
         return slots

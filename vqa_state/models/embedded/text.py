@@ -1,4 +1,4 @@
-"""Reads a question as words, and every word as hashed pieces, so that no word is unknown.
+"""Encodes a question as words, and every word as hashed pieces, so that no word is unknown.
 
 Source: P. Bojanowski et al., *Enriching Word Vectors with Subword Information*, TACL 2017.
 """

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-__all__ = ["COARSE_WIDTH", "INPUT_SIZE", "N_TOKENS", "STAGES", "TOKEN_WIDTH", "Stage", "Trunk"]
+__all__ = ["BLOCK_GROUPS", "COARSE_WIDTH", "INPUT_SIZE", "N_TOKENS", "TOKEN_WIDTH", "Trunk"]
 
 #: Pixels a side of the input.
 INPUT_SIZE = 224
@@ -22,7 +22,7 @@ COARSE_WIDTH = 320
 TOKEN_WIDTH = COARSE_WIDTH + 4 * 112
 
 
-class Stage(NamedTuple):
+class BlockGroup(NamedTuple):
     """Blocks in a row: the first one changes width and stride."""
 
     repeats: int
@@ -32,14 +32,14 @@ class Stage(NamedTuple):
     width: int
 
 
-STAGES = (
-    Stage(1, 3, 1, 1, 16),
-    Stage(2, 3, 2, 6, 24),
-    Stage(2, 5, 2, 6, 40),
-    Stage(3, 3, 2, 6, 80),
-    Stage(3, 5, 1, 6, 112),
-    Stage(4, 5, 2, 6, 192),
-    Stage(1, 3, 1, 6, 320),
+BLOCK_GROUPS = (
+    BlockGroup(1, 3, 1, 1, 16),
+    BlockGroup(2, 3, 2, 6, 24),
+    BlockGroup(2, 5, 2, 6, 40),
+    BlockGroup(3, 3, 2, 6, 80),
+    BlockGroup(3, 5, 1, 6, 112),
+    BlockGroup(4, 5, 2, 6, 192),
+    BlockGroup(1, 3, 1, 6, 320),
 )
 
 _STEM_WIDTH = 32
@@ -70,15 +70,15 @@ class SameConv(nn.Conv2d):
 
 
 class Block(nn.Module):
-    """Widen, look around in each channel, narrow; add the input where the shapes allow it."""
+    """An inverted residual block: expand, convolve each channel, project, add what came in."""
 
-    def __init__(self, inputs: int, stage: Stage, stride: int) -> None:
+    def __init__(self, inputs: int, group: BlockGroup, stride: int) -> None:
         super().__init__()
-        wide = inputs * stage.expansion
-        self.expand = SameConv(inputs, wide, 1, 1) if stage.expansion != 1 else None
-        self.depthwise = SameConv(wide, wide, stage.kernel, stride, groups=wide)
-        self.project = SameConv(wide, stage.width, 1, 1)
-        self.adds_input = stride == 1 and inputs == stage.width
+        wide = inputs * group.expansion
+        self.expand = SameConv(inputs, wide, 1, 1) if group.expansion != 1 else None
+        self.depthwise = SameConv(wide, wide, group.kernel, stride, groups=wide)
+        self.project = SameConv(wide, group.width, 1, 1)
+        self.adds_input = stride == 1 and inputs == group.width
 
     def forward(self, x: Tensor) -> Tensor:
         """(n, inputs, h, w) -> (n, width, h / stride, w / stride)."""
@@ -96,10 +96,10 @@ class Trunk(nn.Module):
         super().__init__()
         self.stem = SameConv(3, _STEM_WIDTH, 3, 2)
         blocks, width = [], _STEM_WIDTH
-        for stage in STAGES:
-            for repeat in range(stage.repeats):
-                blocks.append(Block(width, stage, stage.stride if repeat == 0 else 1))
-                width = stage.width
+        for group in BLOCK_GROUPS:
+            for repeat in range(group.repeats):
+                blocks.append(Block(width, group, group.stride if repeat == 0 else 1))
+                width = group.width
         self.blocks = nn.ModuleList(blocks)
 
     def forward(self, pixels: Tensor) -> Tensor:

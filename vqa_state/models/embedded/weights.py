@@ -6,10 +6,11 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 
 from vqa_state.errors import ModelError
 from vqa_state.models.embedded.network import VQANetwork
+from vqa_state.storage.atomic_write import write_atomically
 
 __all__ = [
     "SECONDS",
@@ -38,9 +39,7 @@ def save_network(
     """Write the network, unless told otherwise in half precision. `about` goes into the header."""
     state = network.state_dict()
     tensors = {name: value.to(precision).contiguous() for name, value in state.items()}
-    unfinished = path.with_suffix(".part")
-    save_file(tensors, unfinished, metadata=dict(about))
-    unfinished.replace(path)
+    write_atomically(path, save(tensors, metadata=dict(about)))
 
 
 def load_stage(network: VQANetwork, path: Path, about: Mapping[str, str]) -> bool:
@@ -93,7 +92,7 @@ def weights_digest(path: Path = WEIGHTS) -> str:
 
 
 def read_header(path: Path = WEIGHTS) -> dict[str, str]:
-    """What `save_network` was told about the file."""
+    """What made the file, as `save_network` wrote it."""
     with safe_open(path, framework="pt") as file:
         return dict(file.metadata() or {})
 

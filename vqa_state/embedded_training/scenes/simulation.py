@@ -1,4 +1,4 @@
-"""What a scene is before it is drawn, and the handles by which its state is changed."""
+"""What a scene is before it is drawn, and how its state is changed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,16 +6,18 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Blueprint", "CameraRange", "Facts", "Pose", "Stage"]
+from vqa_state.embedded_training.scenes.random_draws import RandomDraws
 
-#: What the builder of a scene knows about one picture, each in [0, 1], e.g. {"degree": 0.4,
-#: "flush": 0.0}. Facts differ in what must be looked at, so they can be asked as questions of their
-#: own. "degree" is how far something is open, or how strongly it shines or flows; 0 is the negative
-#: state.
+__all__ = ["Blueprint", "CameraRange", "Facts", "Pose", "Range", "Simulation"]
+
+#: What is to be seen in one picture by the scene's own parameters, each in [0, 1], e.g. {"degree":
+#: 0.4, "flush": 0.0}. Facts differ in what must be looked at, so they can be asked as questions of
+#: their own. "degree" is how far something is open, or how strongly it shines or flows; 0 is the
+#: negative state.
 Facts = Mapping[str, float]
 
-#: Puts a stage into the positive (True) or the negative state and says what is now to be seen.
-Pose = Callable[["Stage", bool], Facts]
+#: Puts a simulation into the positive (True) or the negative state; returns what is to be seen.
+Pose = Callable[["Simulation", bool], Facts]
 
 Range = tuple[float, float]
 
@@ -38,21 +40,13 @@ class Blueprint:
     camera: CameraRange
 
 
-class Stage:
+class Simulation(RandomDraws):
     """A compiled MuJoCo model whose joints, materials and lamps can be set by name."""
 
     def __init__(self, model: Any, data: Any, rng: np.random.Generator) -> None:
+        super().__init__(rng)
         self.model = model
         self.data = data
-        self.rng = rng
-
-    def uniform(self, low: float, high: float) -> float:
-        """One number in [low, high)."""
-        return float(self.rng.uniform(low, high))
-
-    def chance(self, probability: float) -> bool:
-        """True with the given probability."""
-        return bool(self.rng.random() < probability)
 
     def degree(self, is_positive: bool) -> float:
         """How far the positive state goes, in [0, 1]: one in six is only a little open."""
@@ -66,9 +60,8 @@ class Stage:
 
     def paint(self, material: str, colour: tuple[float, float, float], emission: float) -> None:
         """Give a material an RGB colour and a glow, both in [0, 1]."""
-        index = self.model.material(material).id
-        self.model.mat_rgba[index, :3] = colour
-        self.model.mat_emission[index] = emission
+        self.model.mat_rgba[self.model.material(material).id, :3] = colour
+        self.glow(material, emission)
 
     def glow(self, material: str, emission: float) -> None:
         """Give a material a glow in [0, 1] and leave its colour or picture."""

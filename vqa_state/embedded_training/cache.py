@@ -1,17 +1,24 @@
-"""Names for pictures by what is in them, so that nothing kept is used for something else."""
+"""Results kept on disk under a digest of all that made them, so that a stopped run goes on."""
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
 
-from vqa_state.embedded_training.dataset import Example
+from vqa_state.storage.atomic_write import write_atomically
 
-__all__ = ["digest", "digest_examples", "digest_file", "digest_tensors"]
+__all__ = ["cached", "digest", "digest_file", "digest_tensors"]
 
 _LENGTH = 16
+
+
+def cached(file: Path, make: Callable[[], bytes]) -> bytes:
+    """The bytes of a file, which is made first if it is missing; it is never left half written."""
+    if not file.exists():
+        write_atomically(file, make())
+    return file.read_bytes()
 
 
 def digest(*parts: object) -> str:
@@ -24,24 +31,8 @@ def digest_file(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:_LENGTH]
 
 
-def digest_examples(examples: Sequence[Example]) -> str:
-    """For all that training learns from: pictures by their bytes, labels, facts, and the order."""
-    return digest(
-        *(
-            [
-                digest_file(one.path),
-                one.thing,
-                one.is_positive,
-                sorted(one.facts.items()),
-                one.scene,
-            ]
-            for one in examples
-        )
-    )
-
-
 def digest_tensors(module: torch.nn.Module) -> str:
-    """For a network's values in full precision."""
+    """16 hexadecimal digits for a network's values in full precision."""
     found = hashlib.sha256()
     for name, value in sorted(module.state_dict().items()):
         found.update(name.encode())
