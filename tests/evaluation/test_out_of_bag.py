@@ -12,8 +12,8 @@ from scipy.stats import binomtest
 
 from vqa_state.answers.rates import Counts
 from vqa_state.errors import NothingToSearchError
+from vqa_state.evaluation.estimates import Estimate, estimate, known_mean, optimism_warning
 from vqa_state.evaluation.out_of_bag import out_of_bag, quick_search
-from vqa_state.votes.estimates import Estimate, estimate, known_mean, optimism_warning
 from vqa_state.votes.fitting import fit_votes
 from vqa_state.votes.resampling import divisible, draw_bag
 from vqa_state.votes.rules import MILLION, Ballots, VoteKind

@@ -9,7 +9,7 @@ import pytest
 from vqa_state.answers.parse import Answer
 from vqa_state.answers.rates import count
 from vqa_state.errors import NothingToSearchError
-from vqa_state.evaluation.held_out import Candidate
+from vqa_state.evaluation.held_out import Baseline
 from vqa_state.project.split import Split
 from vqa_state.recognizer.recognizer import Recognizer
 from vqa_state.report.frames import (
@@ -20,7 +20,8 @@ from vqa_state.report.frames import (
     score_frame,
     term_sentences,
 )
-from vqa_state.search.default import CLIMBS, Engine
+from vqa_state.search.engines import Engine
+from vqa_state.search.engines.restarts import N_RESTARTS
 from vqa_state.search.exact import enumerate_subsets
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import SearchSettings, search
@@ -71,7 +72,7 @@ def tuned(project):
 def test_all_objectives_walk_together(asked):
     reports, found = tuned(asked)
     searching = [report for report in reports if not report.proving]
-    n_steps = SMALL.generations + CLIMBS // 4
+    n_steps = SMALL.generations + N_RESTARTS // 4
     assert [report.generation for report in searching] == list(range(n_steps + 1))
     assert set(found.searches) == set(Objective)
     assert all(one.finished and len(one.curve) == n_steps + 1 for one in found.searches.values())
@@ -135,7 +136,7 @@ def test_searches_of_version_1_are_still_read(asked):
 
 
 def test_a_stop_while_proving_keeps_a_bound(asked):
-    last_generation = SMALL.generations + CLIMBS // 4
+    last_generation = SMALL.generations + N_RESTARTS // 4
     seen = iter(range(last_generation + 1))  # asked once a report of the search, then by the proofs
     *_, last = optimize(asked, lambda: next(seen, None) is None)
     assert last.stopped
@@ -147,7 +148,7 @@ def test_a_stop_while_proving_keeps_a_bound(asked):
 def test_recognizing_the_test_images_gives_the_test_table(asked, model):
     _, found = tuned(asked)
     for objective in Objective:
-        row = next(r for r in found.evaluation.rows if r.name == Candidate(objective.value))
+        row = next(r for r in found.evaluation.rows if r.name == objective)
         recognizer = Recognizer.load(recognizer_path(asked, objective))
         verdicts = {
             image: recognizer.recognize(asked.image_path(image), model)
@@ -256,7 +257,7 @@ def test_every_missed_image_is_told(asked):
 
 def test_all_questions_recognize_what_their_row_says(asked, model):
     _, found = tuned(asked)
-    row = next(row for row in found.evaluation.rows if row.name is Candidate.S_ALL)
+    row = next(row for row in found.evaluation.rows if row.name is Baseline.S_ALL)
     written = unchosen_recognizer(asked, found)
     assert (written.origin, len(written.questions)) == (None, found.train.n_questions)
     for table, side in ((found.train, row.train), (found.test, row.test)):

@@ -20,7 +20,7 @@ from vqa_state.cli.terminal import (
 from vqa_state.errors import NothingToSearchError
 from vqa_state.images.augmentation import MAX_COPIES, Augmentation, AugmentationKind
 from vqa_state.project.project import Project
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.search.objectives import ObjectiveWeights
 from vqa_state.study.assess import assess

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.answers.table import AnswerTable
-from vqa_state.evaluation.held_out import Interval
+from vqa_state.evaluation.intervals import Interval, clopper_pearson
 from vqa_state.evaluation.out_of_bag import OutOfBag
-from vqa_state.votes.estimates import share_interval
 from vqa_state.votes.reject_option import AbstainRule
 from vqa_state.votes.rules import VoteKind
 
@@ -100,7 +99,7 @@ def single_votes(out: OutOfBag, kind: VoteKind, train: AnswerTable) -> tuple[Flo
     sureness, states = np.full(shape, np.nan), np.zeros(shape, np.int8)
     for number, resample in enumerate(out.resamples):
         rule, left = AbstainRule(resample.votes[kind]), resample.out
-        shares = train.p_positive[left] if kind is VoteKind.WEIGHTED_P_YES else None
+        shares = train.p_positive[left] if kind.by_p_yes else None
         sureness[number, left] = rule.sureness(train.verdicts[left], shares)
         states[number, left] = rule.states(train.verdicts[left], shares)
     return np.minimum(sureness, 1.0), states
@@ -172,10 +171,9 @@ def _levels(sure: Floats, leaning: States) -> list[float]:
 def _interval(n_correct: int, n_of_group: NDArray[np.intp]) -> Interval:
     """As `CoveragePoint.interval` says; `n_of_group` are the verdicts in each group."""
     n_covered = int(n_of_group.sum())
-    if n_covered == 0:
-        return Interval(math.nan, math.nan)
-    n_independent = n_covered**2 / float((n_of_group**2).sum())
-    return Interval(*share_interval(n_correct / n_covered, n_independent))
+    n_independent = n_covered**2 / float((n_of_group**2).sum()) if n_covered else 0.0
+    share = n_correct / n_covered if n_covered else 0.0
+    return clopper_pearson(share * n_independent, n_independent)
 
 
 def _rounded_down(sureness: float) -> float:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.errors import NothingToSearchError
-from vqa_state.votes.estimates import Estimate, estimate, known_mean
+from vqa_state.evaluation.estimates import Estimate, estimate, known_mean
 from vqa_state.votes.logistic import fit_logistic
 from vqa_state.votes.resampling import divisible
 

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from vqa_state.answers.rates import Counts
 from vqa_state.errors import NothingToSearchError
+from vqa_state.evaluation.estimates import Estimate, estimate, known_mean
 from vqa_state.search.genetic import SearchSettings, search
 from vqa_state.search.objectives import Objective
-from vqa_state.votes.estimates import Estimate, estimate, known_mean
 from vqa_state.votes.fitting import fit_votes
 from vqa_state.votes.resampling import divisible, draw_bag
 from vqa_state.votes.rules import Ballots, FittedVote, VoteKind

@@ -10,7 +10,8 @@ import pandas as pd
 from vqa_state.answers.rates import Counts, count, question_stats
 from vqa_state.answers.store import AnswerStore, copy_keys
 from vqa_state.answers.table import AnswerTable
-from vqa_state.evaluation.held_out import Evaluation, Interval, Row
+from vqa_state.evaluation.held_out import Evaluation, Row
+from vqa_state.evaluation.intervals import Interval
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results, SavedSearch
 from vqa_state.project.split import Split

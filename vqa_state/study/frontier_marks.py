@@ -8,18 +8,18 @@ from dataclasses import dataclass
 
 from vqa_state.answers.rates import count
 from vqa_state.evaluation.cost_frontier import FrontierPoint, point_of
-from vqa_state.evaluation.held_out import Candidate
+from vqa_state.evaluation.held_out import Baseline
 from vqa_state.project.searches import Results
 
 __all__ = ["MarkedPoint", "cheaper_sentence", "marked_points"]
 
 _MARKED = (
-    Candidate.S_PLUS,
-    Candidate.S_PRIME_PLUS,
-    Candidate.S_MINUS,
-    Candidate.S_PRIME_MINUS,
-    Candidate.S_ALL,
-    Candidate.BEST_QUESTION,
+    Objective.S_PLUS,
+    Objective.S_PRIME_PLUS,
+    Objective.S_MINUS,
+    Objective.S_PRIME_MINUS,
+    Baseline.S_ALL,
+    Baseline.BEST_QUESTION,
 )
 
 

@@ -16,14 +16,14 @@ from pydantic import BaseModel, ConfigDict
 
 from vqa_state.answers.table import AnswerTable
 from vqa_state.errors import ImageError, ModelError
+from vqa_state.evaluation.estimates import Estimate
 from vqa_state.evaluation.linear_probe import RivalBags, fit_rival, rival_out_of_bag
 from vqa_state.images.augmentation import copies
 from vqa_state.images.reading import read_picture
 from vqa_state.project.project import Project
 from vqa_state.project.split import Split
-from vqa_state.search.solver_thread import Work
+from vqa_state.search.background_task import BackgroundTask
 from vqa_state.study.features import Featurizer, features_of
-from vqa_state.votes.estimates import Estimate
 
 __all__ = ["RivalRecord", "RivalStage", "RivalStep", "try_rival"]
 
@@ -108,7 +108,7 @@ def try_rival(
     """
     yield RivalStep(RivalStage.LOADING, 0, 1)
     try:  # in a thread, because importing torch takes longer than a stop may wait
-        loaded = list(Work[Featurizer](lambda put: put(features()), stop))
+        loaded = list(BackgroundTask[Featurizer](lambda put: put(features()), stop))
     except (ImportError, ModelError) as error:
         yield _none(RivalStage.LOADING, str(error))
         return
