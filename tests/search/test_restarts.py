@@ -1,4 +1,4 @@
-"""Our engine: climbs against every neighbour, never below the genetic search, one seed one run."""
+"""The default engine: local search against every neighbour, and one seed, one run."""
 
 from itertools import combinations, islice
 
@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from search_tables import draw_counts
 
-from vqa_state.search.engines.restarts import Engine, restart_search, search_with
+from vqa_state.search.engines.restarts import restart_search
 from vqa_state.search.exact import enumerate_subsets
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import SearchSettings, search
@@ -26,7 +26,7 @@ def last(reports):
 
 @given(st.integers(0, 2**32), st.sampled_from(Objective), st.sampled_from(WEIGHTS))
 @settings(max_examples=30)
-def test_no_change_of_one_or_two_questions_beats_a_summit(seed, objective, weights):
+def test_no_change_of_one_or_two_questions_beats_a_local_optimum(seed, objective, weights):
     counts = draw_counts(seed, 6, 9)
     start = np.random.default_rng(seed).integers(0, 2, 9, dtype=np.uint8)
     found = LocalSearch(counts, objective, weights).optimum(start)
@@ -39,7 +39,7 @@ def test_no_change_of_one_or_two_questions_beats_a_summit(seed, objective, weigh
     value = fitness(found.individual[np.newaxis])[0]
     assert value == pytest.approx(found.value, abs=1e-4)
     assert value >= fitness(start[np.newaxis])[0]
-    assert fitness(np.array(neighbours)).max() <= value + 3e-5  # it climbs in float32
+    assert fitness(np.array(neighbours)).max() <= value + 3e-5  # it searches in float32
 
 
 def test_hundreds_of_questions_work():
@@ -74,7 +74,7 @@ def test_it_goes_on_from_the_genetic_search():
     assert evaluations == sorted(evaluations)
     fitness = Fitness(counts, Objective.S_PLUS)
     assert all(r.terms == fitness.terms(r.subset) for r in reports)
-    assert best[-1] > best[6]  # the climbs found more, or this test shows nothing
+    assert best[-1] > best[6]  # the local searches found more, or this test shows nothing
 
 
 def test_a_seed_repeats_and_another_differs():
@@ -89,17 +89,6 @@ def test_a_seed_repeats_and_another_differs():
     assert run(5) != run(6)
 
 
-def test_the_papers_engine_starts_at_random():
-    """Without the single questions: every bit of the first population has chance 1/2."""
-    counts = draw_counts(3, 20, 40, 6)
-    reports = list(search_with(Engine.PAPER, counts, Objective.S_PLUS, settings=QUICK, seed=1))
-    literal = search(counts, Objective.S_PLUS, settings=QUICK, seed=1, singles_first=False)
-    assert reports == list(literal)
-    assert len(reports) == QUICK.generations + 1
-    ours = search_with(Engine.DEFAULT, counts, Objective.S_PLUS, settings=QUICK, seed=1)
-    assert next(ours).total > QUICK.generations
-
-
 def test_wrong_numbers_are_refused_at_once():
     counts = draw_counts(0)
     with pytest.raises(ValueError, match="n_restarts must be 0 or more, got -1"):
@@ -108,7 +97,7 @@ def test_wrong_numbers_are_refused_at_once():
         restart_search(counts, Objective.S_PLUS, seed=-1)
 
 
-def test_a_climb_ends_where_a_gain_drowns_in_rounding():
+def test_a_local_search_ends_where_a_gain_drowns_in_rounding():
     """Beside a huge value a step of no gain looks like one; the weights' own limit is below."""
     counts, huge = draw_counts(0, 6, 40), ObjectiveWeights(alpha=1_000_000)
     object.__setattr__(huge, "alpha", 2e12)
@@ -116,7 +105,7 @@ def test_a_climb_ends_where_a_gain_drowns_in_rounding():
     assert len(list(islice(steps, 500))) < 500
 
 
-def test_a_large_table_gets_the_work_of_so_many_climbs():
+def test_a_large_table_gets_the_work_of_so_many_restarts():
     """All objectives report equally often, and a report never takes more than some steps."""
     counts = draw_counts(4, 200, 120, 6)
     runs = {

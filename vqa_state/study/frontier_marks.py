@@ -13,14 +13,7 @@ from vqa_state.project.searches import Results
 
 __all__ = ["MarkedPoint", "cheaper_sentence", "marked_points"]
 
-_MARKED = (
-    Objective.S_PLUS,
-    Objective.S_PRIME_PLUS,
-    Objective.S_MINUS,
-    Objective.S_PRIME_MINUS,
-    Baseline.S_ALL,
-    Baseline.BEST_QUESTION,
-)
+_UNMARKED = (Baseline.S_DOES, Baseline.S_IS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +50,7 @@ def marked_points(found: Results) -> tuple[MarkedPoint, ...]:
     """
     subsets: dict[tuple[int, ...], list[str]] = {}
     for row in found.evaluation.rows:
-        if row.name in _MARKED:
+        if row.name not in _UNMARKED:
             subsets.setdefault(tuple(sorted(row.subset)), []).append(row.name.value)
     return _placed(found, subsets)
 

@@ -1,7 +1,7 @@
 """Kinds of vote, one file each, registered in `kinds.py`, and a fitted vote of any kind.
 
-A new kind is a file with a `VoteRule` and one line in `kinds.py`; app, command line and contract
-tests then offer it.
+A new kind is a file that defines `RULE`, and one line in `kinds.py` that names the file; app,
+command line and contract tests then offer it.
 
 For an image, let question q of weight w_q have P_q answers for the positive state, N_q for the
 negative and I_q for neither, over all copies. The positive state wins if its *share* is above the

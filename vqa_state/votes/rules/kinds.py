@@ -1,9 +1,9 @@
-"""The kinds of vote: each is registered here by one line."""
+"""The kinds of vote; each is registered by one line, which names the file that defines `RULE`."""
 
 from enum import StrEnum
+from importlib import import_module
 from typing import Self
 
-from vqa_state.votes.rules import paper, threshold, weighted_answers, weighted_p_yes
 from vqa_state.votes.rules._base import VoteRule
 
 __all__ = ["VoteKind"]
@@ -18,16 +18,17 @@ class VoteKind(StrEnum):
 
     rule: VoteRule
 
-    def __new__(cls, rule: VoteRule) -> Self:
-        """Make a member of what its file defines."""
+    def __new__(cls, file: str) -> Self:
+        """Make a member of what a file of this package defines."""
+        rule: VoteRule = import_module(f"{__package__}.{file}").RULE
         member = str.__new__(cls, rule.name)
         member._value_, member.rule = rule.name, rule
         return member
 
-    PAPER = paper.PaperVote()
-    THRESHOLD = threshold.ThresholdVote()
-    WEIGHTED_ANSWERS = weighted_answers.WeightedAnswersVote()
-    WEIGHTED_P_YES = weighted_p_yes.WeightedPYesVote()
+    PAPER = "paper"
+    THRESHOLD = "threshold"
+    WEIGHTED_ANSWERS = "weighted_answers"
+    WEIGHTED_P_YES = "weighted_p_yes"
 
     @property
     def weighted(self) -> bool:

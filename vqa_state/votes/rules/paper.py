@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vqa_state.votes.rules._base import Ballots, Learned, VoteRule
 
-__all__ = ["PaperVote"]
+__all__ = ["RULE", "PaperVote"]
 
 
 class PaperVote(VoteRule):
@@ -24,3 +24,6 @@ class PaperVote(VoteRule):
     ) -> Learned:
         """The chosen questions, the weight 1 and the threshold 0.5."""
         return Learned(tuple(subset), (1,) * len(subset), 0.5)
+
+
+RULE = PaperVote()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from vqa_state.answers.rates import rate
 from vqa_state.votes.rules._base import Ballots, Learned, VoteRule, rounded_threshold
 
-__all__ = ["ThresholdVote"]
+__all__ = ["RULE", "ThresholdVote"]
 
 _APART = 1e-9
 """Means closer than this are one: floats of equal fractions differ by their order of summing."""
@@ -41,3 +41,6 @@ class ThresholdVote(VoteRule):
         if positive.size and negative.size and positive.mean() - negative.mean() > _APART:
             threshold = rounded_threshold(float(positive.mean() + negative.mean()) / 2)
         return Learned(tuple(subset), (1,) * len(subset), threshold)
+
+
+RULE = ThresholdVote()

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from vqa_state.votes.rules._base import Ballots
 from vqa_state.votes.rules._weighted import WeightedVote
 
-__all__ = ["WeightedAnswersVote"]
+__all__ = ["RULE", "WeightedAnswersVote"]
 
 
 class WeightedAnswersVote(WeightedVote):
@@ -17,3 +17,6 @@ class WeightedAnswersVote(WeightedVote):
     def features(self, ballots: Ballots) -> NDArray[np.float64]:
         """Mean verdicts."""
         return (ballots.positive - ballots.negative) / ballots.n_copies
+
+
+RULE = WeightedAnswersVote()

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from vqa_state.votes.rules._base import MILLION, Ballots
 from vqa_state.votes.rules._weighted import WeightedVote
 
-__all__ = ["WeightedPYesVote"]
+__all__ = ["RULE", "WeightedPYesVote"]
 
 
 class WeightedPYesVote(WeightedVote):
@@ -20,3 +20,6 @@ class WeightedPYesVote(WeightedVote):
         if ballots.p_positive is None:
             raise ValueError("a vote by p_yes needs the model's own share for every answer")
         return 2 * ballots.p_positive / (MILLION * ballots.n_copies) - 1
+
+
+RULE = WeightedPYesVote()

@@ -63,7 +63,7 @@ def build(tab: gr.Tab) -> Parts:
         "own objective, on the training images only."
     )
     engine = gr.Radio(
-        [(one.kind.hint, one.value) for one in reversed(Engine)], label="Engine", elem_id="engine"
+        [(one.kind.hint, one.value) for one in Engine], label="Engine", elem_id="engine"
     )
     with gr.Accordion("Advanced: settings of the search", open=False):
         numbers = _numbers()
