@@ -41,10 +41,10 @@ def estimate(recognized: Floats, labels: NDArray[np.int8], groups: NDArray[np.in
     """Put the images' scores together.
 
     Args:
-        recognized: share of the bags lacking the image that recognize it, (n_images,) in [0, 1];
-            NaN for an image that no bag lacks.
+        recognized: share of the resamples lacking the image that recognize it, (n_images,) in [0,
+            1]; NaN for an image that no resample lacks.
         labels: +1 or -1, (n_images,).
-        groups: look-alikes have one number and count as one independent image, (n_images,).
+        groups: near-duplicates have one number and count as one independent image, (n_images,).
     """
     known = ~np.isnan(recognized)
     if not known.any():
@@ -54,7 +54,7 @@ def estimate(recognized: Floats, labels: NDArray[np.int8], groups: NDArray[np.in
     )
     share = float(recognized[known].mean())
     n_units = np.unique(groups[known]).size
-    # The spread of the images' scores is too small: bags share most of their images. So is
+    # The spread of the images' scores is too small: resamples share most of their images. So is
     # an interval made from it, which holds the truth in 74 of 100 synthetic tasks.
     spread = math.sqrt(share * (1 - share) / n_units)
     interval = clopper_pearson(share * n_units, n_units)

@@ -258,7 +258,7 @@ class _Making:
     def rival(
         self, out: OutOfBag, features: Callable[[], Featurizer], stop: Callable[[], bool]
     ) -> Iterator[RivalStep]:
-        bags = [resample.bag for resample in out.resamples]
+        bags = [resample.drawn for resample in out.resamples]
         return try_rival(self.project, self._train, self._groups, bags, features, stop)
 
     def assessment(
