@@ -152,7 +152,7 @@ def test_the_cap_holds_from_the_first_report():
     counts = draw_counts(8, 12, 26, 6)
     for objective in Objective:
         for report in prove(counts, objective, (0,), limits=SHORT):
-            cap = 100 * report.n_bound / 12 + 1 + max(objective.beta_sign * 0.1, 0)
+            cap = 100 * report.n_bound / 12 + 1 + max(objective.kind.beta_sign * 0.1, 0)
             assert report.terms.value <= report.bound <= cap + 1e-9
 
 

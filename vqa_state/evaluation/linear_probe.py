@@ -112,7 +112,7 @@ def fit_linear_probe(
         )
     if set(labels.tolist()) != {1, -1}:
         raise NothingToSearchError(
-            "the linear probe needs labelled training images of both states; label some of the other"
+            "a linear probe needs labelled training images of both states; label some of the other"
         )
     rows = _of_images(features)
     center, spread = rows.mean(axis=0), rows.std(axis=0)

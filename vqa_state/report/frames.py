@@ -87,7 +87,7 @@ def term_sentences(found: Results) -> list[str]:
 def _terms_in_words(counts: Counts, saved: SavedSearch) -> str:
     fitness = Fitness(counts, saved.objective, saved.weights)
     best, everything = fitness.terms(saved.subset), fitness.terms(range(counts.n_questions))
-    alpha, beta = saved.weights.alpha, saved.objective.beta_sign * saved.weights.beta
+    alpha, beta = saved.weights.alpha, saved.objective.kind.signed_beta(saved.weights)
     shares = {
         "recognized images": alpha * (best.n_recognized - everything.n_recognized) / best.n_images,
         "the mean correct rate": best.R_ave - everything.R_ave,

@@ -13,6 +13,11 @@ from vqa_state.search.engines._base import EngineKind, EngineSearch
 __all__ = ["Engine", "EngineKind", "EngineSearch"]
 
 
+def _defined_in(file: str) -> EngineKind:
+    found: EngineKind = import_module(f"{__name__}.{file}").ENGINE
+    return found
+
+
 class Engine(StrEnum):
     """How to look for a subset; a member's value is its name in files and options.
 
@@ -20,14 +25,14 @@ class Engine(StrEnum):
         kind: the engine behind the name.
     """
 
-    kind: EngineKind
-
     def __new__(cls, file: str) -> Self:
         """Make a member of what a file of this package defines."""
-        kind: EngineKind = import_module(f"{__name__}.{file}").ENGINE
-        member = str.__new__(cls, kind.name)
-        member._value_, member.kind = kind.name, kind
+        member = str.__new__(cls, _defined_in(file).name)
+        member._value_ = _defined_in(file).name
         return member
+
+    def __init__(self, file: str) -> None:
+        self.kind = _defined_in(file)
 
     DEFAULT = "restarts"
     PAPER = "paper"

@@ -15,6 +15,11 @@ from vqa_state.search.objectives._base import PAPER_WEIGHTS, ObjectiveKind, Obje
 __all__ = ["PAPER_WEIGHTS", "Objective", "ObjectiveKind", "ObjectiveWeights"]
 
 
+def _defined_in(file: str) -> ObjectiveKind:
+    found: ObjectiveKind = import_module(f"{__name__}.{file}").OBJECTIVE
+    return found
+
+
 class Objective(StrEnum):
     """What a search maximizes; a member's value is its name in files and options.
 
@@ -22,14 +27,14 @@ class Objective(StrEnum):
         kind: the definition behind the name.
     """
 
-    kind: ObjectiveKind
-
     def __new__(cls, file: str) -> Self:
         """Make a member of what a file of this package defines."""
-        kind: ObjectiveKind = import_module(f"{__name__}.{file}").OBJECTIVE
-        member = str.__new__(cls, kind.name)
-        member._value_, member.kind = kind.name, kind
+        member = str.__new__(cls, _defined_in(file).name)
+        member._value_ = _defined_in(file).name
         return member
+
+    def __init__(self, file: str) -> None:
+        self.kind = _defined_in(file)
 
     S_PLUS = "s_plus"
     S_PRIME_PLUS = "s_prime_plus"

@@ -9,6 +9,11 @@ from vqa_state.votes.rules._base import VoteRule
 __all__ = ["VoteKind"]
 
 
+def _defined_in(file: str) -> VoteRule:
+    found: VoteRule = import_module(f"{__package__}.{file}").RULE
+    return found
+
+
 class VoteKind(StrEnum):
     """How a vote counts, the simplest first; a member's value is its name in files and options.
 
@@ -16,14 +21,14 @@ class VoteKind(StrEnum):
         rule: the definition behind the name.
     """
 
-    rule: VoteRule
-
     def __new__(cls, file: str) -> Self:
         """Make a member of what a file of this package defines."""
-        rule: VoteRule = import_module(f"{__package__}.{file}").RULE
-        member = str.__new__(cls, rule.name)
-        member._value_, member.rule = rule.name, rule
+        member = str.__new__(cls, _defined_in(file).name)
+        member._value_ = _defined_in(file).name
         return member
+
+    def __init__(self, file: str) -> None:
+        self.rule = _defined_in(file)
 
     PAPER = "paper"
     THRESHOLD = "threshold"
