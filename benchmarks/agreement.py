@@ -63,7 +63,7 @@ def disagreements(case: Case) -> Iterator[str]:
     values = fitness(every)
     winner = fittest(every, values)
     best = tuple(np.flatnonzero(every[winner]).tolist())
-    asked = counts.correct + counts.wrong + (counts.invalid if objective.primed else 0)
+    asked = objective.kind.asked(counts)
     most = int((every @ (2 * counts.correct - asked).T > 0).sum(axis=1).max())
 
     *_, exact = enumerate_subsets(counts, objective, weights=weights)

@@ -30,11 +30,11 @@ from benchmarks.tables import draw_counts, draw_task
 from vqa_state.answers.rates import Counts
 from vqa_state.answers.table import AnswerTable
 from vqa_state.evaluation.coverage import CoveragePoint, choose_point, coverage_curve, single_votes
+from vqa_state.evaluation.estimates import Estimate
 from vqa_state.evaluation.out_of_bag import N_RESAMPLES, out_of_bag
 from vqa_state.questions.grid import Question
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings, search
 from vqa_state.search.objectives import Objective
-from vqa_state.votes.estimates import Estimate
 from vqa_state.votes.fitting import fit_votes
 from vqa_state.votes.reject_option import AbstainRule
 from vqa_state.votes.rules import Ballots, FittedVote, VoteKind

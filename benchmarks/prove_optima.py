@@ -14,7 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.tables import digest, numbered_table
-from vqa_state.search.default import default_search
+from vqa_state.search.engines.restarts import restart_search
 from vqa_state.search.objectives import Objective
 from vqa_state.search.proof import PROOF_TOLERANCE, Badge, ProofLimits, prove
 
@@ -62,7 +62,7 @@ def read_optima(path: Path = OPTIMA_FILE) -> list[Optimum]:
 
 def prove_table(n_questions: int, n_images: int, number: int) -> Optimum:
     counts = numbered_table(n_questions, n_images, number)
-    *_, found = default_search(counts, OBJECTIVE, seed=SEED)
+    *_, found = restart_search(counts, OBJECTIVE, seed=SEED)
     *_, last = prove(counts, OBJECTIVE, found.subset, limits=LIMITS)
     return Optimum(
         n_questions=n_questions,

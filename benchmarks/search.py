@@ -21,9 +21,10 @@ from deap import algorithms, base, tools
 from benchmarks.prove_optima import OBJECTIVE, Optimum, read_optima
 from benchmarks.tables import digest, numbered_table
 from vqa_state.answers.rates import Counts
-from vqa_state.evaluation.held_out import exact_interval
-from vqa_state.search.default import CLIMBS, default_search
-from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings, search
+from vqa_state.evaluation.intervals import clopper_pearson
+from vqa_state.search.engines.paper import deap_search
+from vqa_state.search.engines.restarts import N_RESTARTS, restart_search
+from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
 from vqa_state.search.objectives import PAPER_WEIGHTS, Objective
 from vqa_state.search.proof import Badge, ProofLimits, ProofReport, prove_all
 
@@ -91,14 +92,14 @@ def textbook_deap(counts: Counts, plan: "Plan", seed: int) -> float:
 
 def paper(counts: Counts, plan: "Plan", seed: int) -> float:
     """The same search as this package runs it; the best fitness found."""
-    *_, last = search(counts, OBJECTIVE, settings=plan.settings, seed=seed, singles_first=False)
+    *_, last = deap_search(counts, OBJECTIVE, settings=plan.settings, seed=seed)
     return last.best_fitness
 
 
 def default(counts: Counts, plan: "Plan", seed: int) -> float:
     """Our engine without the proof; the best fitness found."""
-    reports = default_search(
-        counts, OBJECTIVE, settings=plan.settings, n_climbs=plan.n_climbs, seed=seed
+    reports = restart_search(
+        counts, OBJECTIVE, settings=plan.settings, n_restarts=plan.n_restarts, seed=seed
     )
     *_, last = reports
     return last.best_fitness
@@ -114,7 +115,7 @@ class Plan:
         n_textbook: tables of each size that textbook DEAP runs on, the first ones.
         n_proofs: tables of 64 questions on which all four objectives are proved, the first ones.
         settings: of the genetic algorithm.
-        n_climbs: of the default engine.
+        n_restarts: of the default engine.
         limits: of the proofs.
     """
 
@@ -123,7 +124,7 @@ class Plan:
     n_textbook: int = 4
     n_proofs: int = 5
     settings: SearchSettings = field(default=PAPER_SETTINGS)
-    n_climbs: int = CLIMBS
+    n_restarts: int = N_RESTARTS
     limits: ProofLimits = field(default_factory=ProofLimits)
 
 
@@ -134,7 +135,7 @@ QUICK = Plan(
     n_textbook=2,
     n_proofs=1,
     settings=replace(PAPER_SETTINGS, generations=20),
-    n_climbs=CLIMBS // 10,
+    n_restarts=N_RESTARTS // 10,
 )
 
 Engine = Callable[[Counts, Plan, int], float]
@@ -275,8 +276,8 @@ def _images_are_proved(report: ProofReport) -> bool:
 
 
 def _start(counts: Counts, objective: Objective, plan: Plan) -> tuple[int, ...]:
-    reports = default_search(
-        counts, objective, settings=plan.settings, n_climbs=plan.n_climbs // 4, seed=0
+    reports = restart_search(
+        counts, objective, settings=plan.settings, n_restarts=plan.n_restarts // 4, seed=0
     )
     *_, last = reports
     return last.subset
@@ -326,7 +327,7 @@ def hit_interval(row: Row) -> str:
     """The exact 95 % interval of a hit rate, in percent; few tables tell little."""
     if row.hit_rate is None:
         return "–"
-    exact = exact_interval(round(row.hit_rate * row.n_proved), row.n_proved)
+    exact = clopper_pearson(round(row.hit_rate * row.n_proved), row.n_proved)
     return f"{100 * exact.low:.0f} to {100 * exact.high:.0f}"
 
 

@@ -12,13 +12,6 @@ FREE = st.just(0.0)
 ANY = st.sampled_from([0.0, 0.0, 0.2, 0.5, 1.0])
 
 
-def equal_vote(n_questions, threshold=0.5, kind=VoteKind.PAPER) -> FittedVote:
-    """All questions, weight 1."""
-    return FittedVote(
-        kind, tuple(range(n_questions)), (1,) * n_questions, (False,) * n_questions, threshold
-    )
-
-
 @st.composite
 def rules(draw, min_sureness=ANY, max_questions=4):
     """Any kind of vote on up to as many questions, some of the table perhaps unused."""

@@ -33,14 +33,14 @@ def exact_fitness(counts, objective, weights, vector):
         C = sum(int(c) for c, bit in zip(correct, vector, strict=True) if bit)
         W = sum(int(w) for w, bit in zip(wrong, vector, strict=True) if bit)
         other = sum(int(i) for i, bit in zip(invalid, vector, strict=True) if bit)
-        asked = C + W + (other if objective.primed else 0)
+        asked = C + W + (other if objective.kind.primed else 0)
         rates.append(Fraction(C, asked) if asked else Fraction(0))
         recognized += asked < 2 * C
     R_q = Fraction(sum(vector), len(vector))
     E = (
         Fraction(weights.alpha) * recognized / len(rates)
         + sum(rates) / len(rates)
-        + objective.beta_sign * Fraction(weights.beta) * R_q
+        + objective.kind.beta_sign * Fraction(weights.beta) * R_q
     )
     return E, recognized
 

@@ -92,7 +92,7 @@ def test_terms_are_exact_and_add_up_to_the_same_bits(table, objective, data):
     subset = tuple(sorted(data.draw(st.sets(st.integers(0, table.n_questions - 1), min_size=1))))
     fitness = Fitness(count(table), objective)
     terms = fitness.terms(subset)
-    n_recognized, rates = literal(table, subset, primed=objective.primed)
+    n_recognized, rates = literal(table, subset, primed=objective.kind.primed)
     assert (terms.n_recognized, terms.n_images) == (n_recognized, table.n_images)
     assert (terms.n_used, terms.n_questions) == (len(subset), table.n_questions)
     exact_mean = sum((rate or 0 for rate in rates), Fraction(0)) / len(rates)

@@ -32,7 +32,7 @@ def test_quick_run_writes_its_rows(load, monkeypatch, tmp_path, capsys):
     """Tiny tables, one of them with an optimum that is not proved."""
     bench, prove = load("search"), load("prove_optima")
     plan = bench.Plan(
-        sizes=((4, 4), (8, 6)), n_tables=3, n_textbook=2, n_proofs=1, settings=TINY, n_climbs=8
+        sizes=((4, 4), (8, 6)), n_tables=3, n_textbook=2, n_proofs=1, settings=TINY, n_restarts=8
     )
     optima = [prove.prove_table(*size, number) for size in plan.sizes for number in range(3)]
     optima[4] = replace(optima[4], proved=False)
@@ -94,7 +94,7 @@ def test_all_engines_maximize_the_same_thing(load):
     counts = tables.numbered_table(4, 6, 0)
     population = np.array(list(np.ndindex(2, 2, 2, 2)), dtype=np.uint8)
     optimum = Fitness(counts, Objective.S_PLUS)(population).max()
-    plan = bench.Plan(settings=SearchSettings(100, 10), n_climbs=4)
+    plan = bench.Plan(settings=SearchSettings(100, 10), n_restarts=4)
     found = [engine(counts, plan, 0) for engine in bench.ENGINES.values()]
     assert found == pytest.approx([optimum] * 3)
 

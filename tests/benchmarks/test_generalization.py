@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from vqa_state.answers.rates import count
+from vqa_state.evaluation.estimates import Estimate
 from vqa_state.search.genetic import SearchSettings
-from vqa_state.votes.estimates import Estimate
 from vqa_state.votes.rules import VoteKind
 
 ROOT = Path(__file__).parents[2]

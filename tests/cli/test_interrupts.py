@@ -5,11 +5,11 @@ import time
 import pytest
 from search_tables import draw_counts
 
+from vqa_state.search.background_task import BackgroundTask, StopPoll
 from vqa_state.search.cpsat import best_value
 from vqa_state.search.exact import enumerate_subsets
 from vqa_state.search.objectives import Objective
 from vqa_state.search.proof import Badge, prove
-from vqa_state.search.solver_thread import Asker, Work
 
 
 class Later:
@@ -44,7 +44,7 @@ def test_news_without_end_does_not_drown_it():
             time.sleep(0.02)
 
     stop = Later(0.3)
-    work = Work(talk, stop)
+    work = BackgroundTask(talk, stop)
     for _ in work:
         pass
     assert work.stopped
@@ -53,12 +53,12 @@ def test_news_without_end_does_not_drown_it():
 
 def test_an_asker_asks_by_the_clock():
     asked = []
-    asker = Asker(lambda: asked.append(1) or len(asked) > 1)
-    assert not any(asker() for _ in range(1000))
+    is_stopped = StopPoll(lambda: asked.append(1) or len(asked) > 1)
+    assert not any(is_stopped() for _ in range(1000))
     assert len(asked) == 1
     time.sleep(0.15)
-    assert asker()
-    assert asker()
+    assert is_stopped()
+    assert is_stopped()
     assert len(asked) == 2  # what was told once is not asked again
 
 

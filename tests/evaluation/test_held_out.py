@@ -14,13 +14,9 @@ from scipy import stats
 from vqa_state.answers.rates import Counts, count, score
 from vqa_state.answers.table import MISSING, AnswerTable
 from vqa_state.errors import NothingToSearchError
-from vqa_state.evaluation.held_out import (
-    Candidate,
-    best_question,
-    evaluate,
-    exact_interval,
-    paired_test,
-)
+from vqa_state.evaluation.held_out import Baseline, best_question, evaluate
+from vqa_state.evaluation.intervals import clopper_pearson
+from vqa_state.evaluation.paired_tests import mcnemar
 from vqa_state.questions.grid import Form, Question
 from vqa_state.search.objectives import Objective
 
@@ -57,7 +53,7 @@ def rows(*args, seed=0):
 def test_rows_stand_in_the_papers_order_with_the_right_subsets():
     train = table_of()
     table = rows(train, None, CHOSEN)
-    assert list(table) == list(Candidate)
+    assert list(table) == [*Objective, *Baseline]
     assert {name: row.subset for name, row in table.items()} == {
         "s+": (0, 1, 4),
         "s'+": (1,),
@@ -73,21 +69,21 @@ def test_rows_stand_in_the_papers_order_with_the_right_subsets():
 @pytest.mark.parametrize(
     ("form", "absent"),
     [
-        (Form.IS, {Candidate.S_DOES}),
-        (Form.DOES, {Candidate.S_IS}),
-        (Form.CUSTOM, {Candidate.S_IS, Candidate.S_DOES}),
+        (Form.IS, {Baseline.S_DOES}),
+        (Form.DOES, {Baseline.S_IS}),
+        (Form.CUSTOM, {Baseline.S_IS, Baseline.S_DOES}),
     ],
 )
 def test_a_form_without_questions_has_no_row(form, absent):
     table = rows(table_of(forms=(form,) * 6), None, CHOSEN)
-    assert set(Candidate) - set(table) == absent
+    assert {*Objective, *Baseline} - set(table) == absent
 
 
 def test_an_objective_that_was_not_searched_has_no_row():
     table = rows(table_of(), None, {Objective.S_MINUS: (5, 0)})
-    assert next(iter(table)) == Candidate.S_MINUS
-    assert table[Candidate.S_MINUS].subset == (0, 5)
-    assert Candidate.S_PLUS not in table
+    assert next(iter(table)) == Objective.S_MINUS
+    assert table[Objective.S_MINUS].subset == (0, 5)
+    assert Objective.S_PLUS not in table
 
 
 @given(st.integers(0, 2**32), st.integers(1, 4), st.integers(1, 8))
@@ -185,7 +181,7 @@ def test_missed_images_show_their_votes():
     verdicts[1, :2] = -1  # label +1: two against, four invalid
     verdicts[2, :3], verdicts[2, 3:] = 1, -1  # a tie
     train = with_verdicts(table_of(n_images=4, forms=(Form.IS,)), verdicts)
-    missed = rows(train, train, {})[Candidate.S_ALL].test_missed
+    missed = rows(train, train, {})[Baseline.S_ALL].test_missed
     votes = [(m.image_id, m.label, m.n_for, m.n_against, m.n_invalid) for m in missed]
     assert votes == [("image1", 1, 0, 2, 4), ("image2", -1, 3, 3, 0), ("image3", 1, 0, 0, 6)]
     assert [m.no_answer for m in missed] == [False, False, True]
@@ -197,13 +193,13 @@ def test_exact_interval_of_the_recognized_share(recognized, low, high):
     test = table_of(n_images=20)
     right = 1 if recognized else -1
     test = with_verdicts(test, right * np.broadcast_to(test.labels[:, None, None], (20, 6, 6)))
-    interval = rows(table_of(), test, {})[Candidate.S_ALL].intervals.R_img
+    interval = rows(table_of(), test, {})[Baseline.S_ALL].intervals.R_img
     assert (interval.low, interval.high) == pytest.approx((low, high), abs=5e-4)
 
 
 def test_exact_interval_by_its_definition():
     """Clopper-Pearson: at each end, the observed count is a 2.5 % event."""
-    row = rows(table_of(), table_of(3, n_copies=1), CHOSEN)[Candidate.S_MINUS]
+    row = rows(table_of(), table_of(3, n_copies=1), CHOSEN)[Objective.S_MINUS]
     k, n = row.test.n_recognized, row.test.n_images
     assert 0 < k < n
     assert stats.binom.sf(k - 1, n, row.intervals.R_img.low) == pytest.approx(0.025)
@@ -211,14 +207,14 @@ def test_exact_interval_by_its_definition():
 
 
 def test_without_images_there_is_no_interval():
-    nowhere = exact_interval(0, 0)
+    nowhere = clopper_pearson(0, 0)
     assert math.isnan(nowhere.low)
     assert math.isnan(nowhere.high)
     with pytest.raises(ValueError):
-        exact_interval(1, 0)
+        clopper_pearson(1, 0)
 
 
-@pytest.mark.parametrize("name", Candidate)
+@pytest.mark.parametrize("name", [*Objective, *Baseline])
 def test_bootstrap_agrees_with_scipys(name):
     test = table_of(5, n_images=40)
     row = rows(table_of(), test, CHOSEN)[name]
@@ -239,12 +235,12 @@ def test_bootstrap_agrees_with_scipys(name):
 def test_the_bootstrap_repeats_by_seed():
     train, test = table_of(), table_of(1)
     first, again, other = (rows(train, test, CHOSEN, seed=s) for s in (1, 1, 2))
-    assert all(first[name].intervals == again[name].intervals for name in Candidate)
-    assert first[Candidate.S_ALL].intervals.R_ave != other[Candidate.S_ALL].intervals.R_ave
+    assert all(first[name].intervals == again[name].intervals for name in first)
+    assert first[Baseline.S_ALL].intervals.R_ave != other[Baseline.S_ALL].intervals.R_ave
 
 
 def test_an_undefined_rate_has_an_undefined_interval():
-    row = rows(table_of(), table_of(1), {Objective.S_PLUS: ()})[Candidate.S_PLUS]
+    row = rows(table_of(), table_of(1), {Objective.S_PLUS: ()})[Objective.S_PLUS]
     assert math.isnan(row.test.R_invalid)
     assert math.isnan(row.intervals.R_invalid.low)
     assert row.intervals.R_img.low == 0
@@ -260,14 +256,14 @@ def recognizing(*recognized):
 
 
 def test_paired_test_counts_what_the_scores_recognize():
-    result = paired_test(recognizing(1, 0, 1, 1), recognizing(0, 1, 0, 0))
+    result = mcnemar(recognizing(1, 0, 1, 1).recognized, recognizing(0, 1, 0, 0).recognized)
     assert (result.n_images, result.n_only_first, result.n_only_second) == (4, 3, 1)
     assert result.p_value == pytest.approx(10 / 16)
 
 
 def test_paired_test_needs_the_same_images():
     with pytest.raises(ValueError, match="need the same images"):
-        paired_test(recognizing(1), recognizing(1, 1))
+        mcnemar(recognizing(1).recognized, recognizing(1, 1).recognized)
 
 
 # --- an identity that the paper's tables obey -------------------------------------------------
@@ -278,8 +274,8 @@ def test_paired_test_needs_the_same_images():
 def test_invalid_share_of_all_is_the_mean_of_does_and_is(seed, n_each, n_images):
     train = table_of(seed, n_images, forms=(Form.IS,) * n_each + (Form.DOES,) * n_each)
     table = rows(train, None, {})
-    shares = [table[name].train.R_invalid for name in (Candidate.S_DOES, Candidate.S_IS)]
-    assert table[Candidate.S_ALL].train.R_invalid == pytest.approx(np.mean(shares), abs=1e-12)
+    shares = [table[name].train.R_invalid for name in (Baseline.S_DOES, Baseline.S_IS)]
+    assert table[Baseline.S_ALL].train.R_invalid == pytest.approx(np.mean(shares), abs=1e-12)
 
 
 def test_the_papers_tables_obey_it_within_their_rounding():

@@ -10,10 +10,10 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.preprocessing import StandardScaler
 
 from vqa_state.errors import NothingToSearchError
-from vqa_state.evaluation.linear_probe import fit_rival, rival_out_of_bag
+from vqa_state.evaluation.linear_probe import fit_linear_probe, linear_probe_out_of_bag
 from vqa_state.evaluation.out_of_bag import out_of_bag
 from vqa_state.models.embedded.pooled import PooledFeatures
-from vqa_state.votes.resampling import divisible, draw_bag
+from vqa_state.votes.resampling import divisible, draw_resample
 from vqa_state.votes.rules import Ballots
 
 
@@ -33,7 +33,7 @@ LABELS = np.repeat(np.array([1, -1], np.int8), 10)
 class TestRival:
     def test_its_odds_are_scikit_learns(self):
         train, new = features_of(0, LABELS), features_of(1, LABELS)
-        rival = fit_rival(train, LABELS)
+        rival = fit_linear_probe(train, LABELS)
         rows = train.astype(np.float64).mean(axis=1)
         scaler = StandardScaler().fit(rows)
         spread = (scaler.transform(rows) ** 2).sum() / len(rows)
@@ -47,7 +47,7 @@ class TestRival:
 
     def test_it_recognizes_new_images_where_there_is_a_signal(self):
         many = np.repeat(np.array([1, -1], np.int8), 200)
-        rival = fit_rival(features_of(0, LABELS), LABELS)
+        rival = fit_linear_probe(features_of(0, LABELS), LABELS)
         new = features_of(1, many)
         assert rival.recognized(new, many).mean() > 0.7
         assert (rival.recognized(new, many) == (rival.decide(new) == many)).all()
@@ -55,7 +55,7 @@ class TestRival:
 
     def test_labels_that_change_names_mirror_it(self):
         train = features_of(2, LABELS)
-        one, other = fit_rival(train, LABELS), fit_rival(train[::-1], -LABELS[::-1])
+        one, other = fit_linear_probe(train, LABELS), fit_linear_probe(train[::-1], -LABELS[::-1])
         np.testing.assert_allclose(one.odds(train), -other.odds(train), atol=1e-6)
 
     def test_copies_of_look_alikes_never_validate_each_other(self):
@@ -64,29 +64,29 @@ class TestRival:
         labels = np.repeat(rng.permutation(np.repeat([1, -1], 10)), 2).astype(np.int8)
         twins = np.repeat(rng.normal(size=(20, 1, 40)), 2, axis=0)
         features = np.tile(twins, (1, 2, 1)).astype(np.float32)
-        together = fit_rival(features, labels, np.arange(40) // 2)
-        apart = fit_rival(features, labels, rng.permutation(40))
+        together = fit_linear_probe(features, labels, np.arange(40) // 2)
+        apart = fit_linear_probe(features, labels, rng.permutation(40))
         assert together.strength > apart.strength
 
     def test_a_feature_that_never_changes_means_nothing(self):
         train = features_of(3, LABELS)
         more = np.concatenate([train, np.full((20, 4, 1), 7, np.float32)], axis=2)
-        one, other = fit_rival(train, LABELS), fit_rival(more, LABELS)
+        one, other = fit_linear_probe(train, LABELS), fit_linear_probe(more, LABELS)
         np.testing.assert_allclose(one.odds(train), other.odds(more), atol=1e-8)
 
     def test_the_order_of_the_copies_means_nothing(self):
         train = features_of(4, LABELS)
-        one, other = fit_rival(train, LABELS), fit_rival(train[:, ::-1], LABELS)
+        one, other = fit_linear_probe(train, LABELS), fit_linear_probe(train[:, ::-1], LABELS)
         np.testing.assert_allclose(one.odds(train), other.odds(train[:, ::-1]), atol=1e-6)
 
     def test_bad_arguments_are_refused(self):
         train = features_of(5, LABELS)
-        rival = fit_rival(train, LABELS)
+        rival = fit_linear_probe(train, LABELS)
         with pytest.raises(NothingToSearchError, match="both states"):
-            fit_rival(train, np.ones(20, np.int8))
+            fit_linear_probe(train, np.ones(20, np.int8))
         for bad in (train[:, 0], train[:3], np.full_like(train, np.nan)):
             with pytest.raises(ValueError):
-                fit_rival(bad, LABELS)
+                fit_linear_probe(bad, LABELS)
         for bad in (train[:, :0], train[:, :, :3], train[0]):
             with pytest.raises(ValueError, match="n_copies"):
                 rival.odds(bad)
@@ -101,14 +101,14 @@ class TestOutOfBag:
         *_, votes = out_of_bag(
             ballots, LABELS, groups, seed=1, find=lambda counts, seed: (0,), n_resamples=7
         )
-        bags = [resample.bag for resample in votes.result().resamples]
+        bags = [resample.drawn for resample in votes.result().resamples]
         right = [[] for _ in LABELS]
         for bag, resample in zip(bags, votes.result().resamples, strict=True):
             assert set(np.flatnonzero(~resample.out)) == set(bag.tolist())
-            rival = fit_rival(train[bag], LABELS[bag], groups[bag])
+            rival = fit_linear_probe(train[bag], LABELS[bag], groups[bag])
             for image in set(range(20)) - set(bag.tolist()):
                 right[image].append(rival.decide(train[[image]])[0] == LABELS[image])
-        reports = list(rival_out_of_bag(train, LABELS, groups, bags))
+        reports = list(linear_probe_out_of_bag(train, LABELS, groups, bags))
         assert [(r.n_done, r.n_total) for r in reports] == [(n, 7) for n in range(1, 8)]
         shares = [np.mean(of) if of else np.nan for of in right]
         np.testing.assert_allclose(reports[-1].recognized, shares)
@@ -122,8 +122,8 @@ class TestOutOfBag:
             labels = rng.permutation(LABELS)
             train = features_of(seed, LABELS)
             bags = bags_of(labels, seed)
-            *_, last = rival_out_of_bag(train, labels, np.arange(20), bags)
-            assert fit_rival(train, labels).recognized(train, labels).mean() > 0.7
+            *_, last = linear_probe_out_of_bag(train, labels, np.arange(20), bags)
+            assert fit_linear_probe(train, labels).recognized(train, labels).mean() > 0.7
             shares.append(last.estimate.share)
         assert 0.3 < np.mean(shares) < 0.62
 
@@ -133,23 +133,23 @@ class TestOutOfBag:
         many = np.repeat(np.array([1, -1], np.int8), 100)
         for seed in range(10):
             train, new = features_of(seed, LABELS), features_of(1000 + seed, many)
-            *_, last = rival_out_of_bag(train, LABELS, np.arange(20), bags_of(LABELS, seed))
+            *_, last = linear_probe_out_of_bag(train, LABELS, np.arange(20), bags_of(LABELS, seed))
             foretold.append(last.estimate.share)
-            true.append(fit_rival(train, LABELS).recognized(new, many).mean())
+            true.append(fit_linear_probe(train, LABELS).recognized(new, many).mean())
         assert abs(np.mean(foretold) - np.mean(true)) < 0.08
 
     def test_a_state_of_look_alikes_only_still_has_an_estimate(self):
         groups = np.array([0] * 10 + list(range(1, 11)))
         train = features_of(3, LABELS)
         kept = divisible(LABELS, groups)
-        bags = [draw_bag(LABELS, kept, np.random.default_rng(n)) for n in range(6)]
-        *_, last = rival_out_of_bag(train, LABELS, groups, bags)
+        bags = [draw_resample(LABELS, kept, np.random.default_rng(n)) for n in range(6)]
+        *_, last = linear_probe_out_of_bag(train, LABELS, groups, bags)
         assert 0 <= last.estimate.share <= 1
 
 
 def bags_of(labels, seed, n_bags=12):
     rng = np.random.default_rng(seed)
-    return [draw_bag(labels, np.arange(len(labels)), rng) for _ in range(n_bags)]
+    return [draw_resample(labels, np.arange(len(labels)), rng) for _ in range(n_bags)]
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ from scipy.stats import binomtest
 
 from vqa_state.answers.rates import Counts
 from vqa_state.errors import NothingToSearchError
+from vqa_state.evaluation.estimates import Estimate, estimate, known_mean, optimism_warning
 from vqa_state.evaluation.out_of_bag import out_of_bag, quick_search
-from vqa_state.votes.estimates import Estimate, estimate, known_mean, optimism_warning
 from vqa_state.votes.fitting import fit_votes
-from vqa_state.votes.resampling import divisible, draw_bag
+from vqa_state.votes.resampling import divisible, draw_resample
 from vqa_state.votes.rules import MILLION, Ballots, VoteKind
 from vqa_state.votes.selection import simplest_of_the_best
 
@@ -115,7 +115,7 @@ class TestAgainstTheNaiveWay:
 
 def bags_of(labels, groups, seed, n_resamples):
     streams = np.random.SeedSequence([seed, *b"out of bag"]).spawn(n_resamples)
-    return [draw_bag(labels, groups, np.random.Generator(np.random.PCG64(s))) for s in streams]
+    return [draw_resample(labels, groups, np.random.Generator(np.random.PCG64(s))) for s in streams]
 
 
 class TestReports:
@@ -198,7 +198,7 @@ class TestBags:
     def test_look_alikes_together_both_states_and_somebody_out(self, case, seed):
         labels, groups = case
         kept = divisible(labels, groups)
-        bag = draw_bag(labels, kept, np.random.default_rng(seed))
+        bag = draw_resample(labels, kept, np.random.default_rng(seed))
         assert set(labels[bag].tolist()) == {1, -1}
         inside = np.isin(np.arange(len(labels)), bag)
         assert not inside.all()
@@ -231,13 +231,13 @@ class TestBags:
         rng = np.random.default_rng(0)
         out = np.zeros(len(labels), bool)
         for _ in range(150):
-            out[np.setdiff1d(np.arange(len(labels)), draw_bag(labels, kept, rng))] = True
+            out[np.setdiff1d(np.arange(len(labels)), draw_resample(labels, kept, rng))] = True
         assert out.all()
 
     def test_each_state_keeps_its_size(self):
         labels = np.repeat(np.array([1, -1], np.int8), [3, 9])
         for seed in range(20):
-            bag = draw_bag(labels, np.arange(12), np.random.default_rng(seed))
+            bag = draw_resample(labels, np.arange(12), np.random.default_rng(seed))
             assert (labels[bag] == 1).sum() == 3
 
     def test_parted_groups_are_said(self):

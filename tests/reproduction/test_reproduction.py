@@ -27,7 +27,7 @@ from vqa_state.reproduction.tables import (
     shown,
     total_frame,
 )
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.testing.fake_model import ScriptedModel
 from vqa_state.votes.rules import VoteKind

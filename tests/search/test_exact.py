@@ -8,7 +8,7 @@ from search_tables import brute_force, draw_counts, repeat_questions
 
 from vqa_state.answers.rates import Counts
 from vqa_state.errors import NothingToSearchError
-from vqa_state.search import solver_thread
+from vqa_state.search import background_task
 from vqa_state.search.exact import can_enumerate, enumerate_subsets
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import fittest
@@ -123,7 +123,7 @@ def test_large_counts_do_not_overflow():
 
 def test_a_stop_is_heard_and_reported(monkeypatch):
     """It is asked at every right half: while counting, then while comparing."""
-    monkeypatch.setattr(solver_thread, "_POLL_SECONDS", 0)
+    monkeypatch.setattr(background_task, "_POLL_SECONDS", 0)
     counts = draw_counts(2, n_questions=12)
     for most in (3, 2**6 + 3):
         asked = []

@@ -31,7 +31,7 @@ def hard_counts(n_images=36, n_questions=24) -> Counts:
 
 def recognized(counts, objective, subset):
     chosen = list(subset)
-    asked = counts.correct + counts.wrong + (counts.invalid if objective.primed else 0)
+    asked = counts.correct + counts.wrong + (counts.invalid if objective.kind.primed else 0)
     return int((2 * counts.correct - asked)[:, chosen].sum(axis=1).__gt__(0).sum())
 
 

@@ -21,7 +21,7 @@ from vqa_state.search.proof import (
     Badge,
     ProofLimits,
     ProofReport,
-    Stage,
+    ProofStage,
     prove,
     prove_all,
 )
@@ -132,7 +132,7 @@ def test_up_to_24_questions_all_are_compared(objective):
     counts = draw_counts(1, 10, 13)
     exact = last(enumerate_subsets(counts, objective))
     report = last(prove(counts, objective, (0,)))
-    assert report.stage is Stage.SUBSETS
+    assert report.stage is ProofStage.SUBSETS
     assert (report.subset, report.terms, report.gap) == (exact.subset, exact.terms, 0)
     assert report.finished
     assert report.sentence == "proved best"
@@ -152,13 +152,13 @@ def test_the_cap_holds_from_the_first_report():
     counts = draw_counts(8, 12, 26, 6)
     for objective in Objective:
         for report in prove(counts, objective, (0,), limits=SHORT):
-            cap = 100 * report.n_bound / 12 + 1 + max(objective.beta_sign * 0.1, 0)
+            cap = 100 * report.n_bound / 12 + 1 + max(objective.kind.beta_sign * 0.1, 0)
             assert report.terms.value <= report.bound <= cap + 1e-9
 
 
 REPORT = ProofReport(
     objective=Objective.S_PLUS,
-    stage=Stage.VALUE,
+    stage=ProofStage.VALUE,
     subset=(0,),
     terms=Terms(19, 20, 0.75, 1, 4, 95.8),
     bound=95.9133,
@@ -235,7 +235,7 @@ def test_limits_are_limits(wrong):
 
 def test_solvers_are_imported_when_a_proof_needs_them():
     code = (
-        "import sys, vqa_state.search.proof, vqa_state.search.default\n"
+        "import sys, vqa_state.search.proof, vqa_state.search.engines.restarts\n"
         "assert not {'ortools', 'scipy.optimize', 'highspy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -30,7 +30,7 @@ from vqa_state.project.split import Split
 from vqa_state.recognizer.recognizer import Recognizer, read_recognizer
 from vqa_state.recognizer.schema import content_digest
 from vqa_state.report.page import report_page
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.search.objectives import Objective
 from vqa_state.study.answer_tables import read_tables

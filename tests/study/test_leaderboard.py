@@ -11,7 +11,8 @@ from study.test_assess import Colours
 from tuned_project import tuned_copy
 
 from vqa_state.evaluation.coverage import CoveragePoint
-from vqa_state.evaluation.held_out import Interval, exact_interval
+from vqa_state.evaluation.estimates import Estimate
+from vqa_state.evaluation.intervals import Interval, clopper_pearson
 from vqa_state.evaluation.paired_tests import compare
 from vqa_state.project.split import Split
 from vqa_state.report.page import report_page
@@ -26,14 +27,13 @@ from vqa_state.study.leaderboard_words import (
 )
 from vqa_state.study.optimize import results
 from vqa_state.study.recommendation import cheaper_objective_sentence, everything_sentence
-from vqa_state.votes.estimates import Estimate
 from vqa_state.votes.rules import VoteKind
 
 NAN = math.nan
 
 
 def side(*pairs):
-    return SideScore(*pairs, *(exact_interval(*pair) for pair in pairs))
+    return SideScore(*pairs, *(clopper_pearson(*pair) for pair in pairs))
 
 
 def row(name, estimate=None, test=None, *, recommended=False):
@@ -69,7 +69,7 @@ def test_a_state_that_was_never_out_is_a_dash_alone():
     assert (cells["out of bag, positive"], cells["out of bag, negative"]) == ("–", "4.0 of 8")
 
 
-def test_test_scores_of_a_state_carry_their_exact_interval():
+def test_test_scores_of_a_state_carry_their_clopper_pearson():
     """binomtest of 8 of 10 and of 9 of 9; a state without test images has nothing to tell."""
     (cells,) = frame(row("s+", test=side((17, 19), (8, 10), (9, 9))))
     for name, n_right, n_images in (("positive", 8, 10), ("negative", 9, 9)):

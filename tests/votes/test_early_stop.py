@@ -3,40 +3,25 @@
 from itertools import product
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ruling import ANY, equal_vote, rules, votes
+from ruling import ANY, rules, votes
 
 from vqa_state.answers.table import MISSING
-from vqa_state.votes.early_stop import (
-    Batch,
-    Schedule,
-    calls_needed,
-    is_settled,
-    verdict_so_far,
-)
+from vqa_state.votes.early_stop import calls_needed, is_settled, verdict_so_far
 from vqa_state.votes.reject_option import AbstainRule
-from vqa_state.votes.rules import FittedVote, VoteKind
+from vqa_state.votes.rules import VoteKind, equal_vote
 from vqa_state.votes.state import State
 
 
-def schedule_of(rule, verdicts, data) -> Schedule:
-    order = data.draw(st.permutations(rule.vote.questions))
-    return Schedule(tuple(order), verdicts.shape[1], data.draw(st.sampled_from(Batch)))
-
-
-def asked_in_turn(rule, schedule, verdicts, p_positive):
-    """What a recognizer does with one image: ask a batch, look, go on. Calls and the verdict."""
-    so_far, n_calls = np.full(verdicts.shape, MISSING, np.int8), 0
-    shares = np.full(verdicts.shape, np.nan, np.float32)
-    for batch in schedule.batches():
-        for call in batch:
-            so_far[call], shares[call] = verdicts[call], p_positive[call]
-            n_calls += 1
+def asked_in_turn(rule, verdicts, p_positive):
+    """What a recognizer does with one image: ask about a copy, look, go on. Calls and verdict."""
+    so_far, shares = np.full(verdicts.shape, MISSING, np.int8), np.full_like(p_positive, np.nan)
+    for copy in range(len(verdicts)):
+        so_far[copy], shares[copy] = verdicts[copy], p_positive[copy]
         state = verdict_so_far(rule, so_far, shares)
         if state is not None:
-            return n_calls, state
+            return (copy + 1) * rule.vote.n_used, state
     raise AssertionError("all answers are in, and nothing is settled")
 
 
@@ -44,10 +29,9 @@ def asked_in_turn(rule, schedule, verdicts, p_positive):
 @settings(deadline=None)
 def test_the_verdict_is_always_that_of_all_answers(rule, data):
     verdicts, p_positive = data.draw(votes(rule))
-    schedule = schedule_of(rule, verdicts, data)
-    needed = calls_needed(rule, schedule, verdicts, p_positive)
+    needed = calls_needed(rule, verdicts, p_positive)
     for i, (answers, p) in enumerate(zip(verdicts, p_positive, strict=True)):
-        n_calls, state = asked_in_turn(rule, schedule, answers, p)
+        n_calls, state = asked_in_turn(rule, answers, p)
         assert state is rule.judge(answers, p).state
         assert n_calls == needed[i] <= rule.vote.n_used * len(answers)
 
@@ -92,12 +76,11 @@ def nothing_counts_yet(rule, verdicts):
 @settings(deadline=None)
 def test_once_settled_always_settled(rule, data):
     verdicts, p_positive = data.draw(votes(rule))
-    schedule = schedule_of(rule, verdicts, data)
+    calls = list(np.ndindex(verdicts.shape[1:]))
     so_far = np.full(verdicts.shape, MISSING, np.int8)
     was = np.zeros(len(verdicts), dtype=bool)
-    for batch in schedule.batches():
-        for copy, question in batch:
-            so_far[:, copy, question] = verdicts[:, copy, question]
+    for copy, question in data.draw(st.permutations(calls)):  # in whatever order
+        so_far[:, copy, question] = verdicts[:, copy, question]
         now = is_settled(rule, so_far, p_positive)
         assert (now | ~was).all()
         was = now
@@ -110,7 +93,7 @@ def test_the_formula_of_the_module(n_positive, n_negative, n_open, t):
     answers = [1] * n_positive + [-1] * n_negative + [MISSING] * n_open
     if not answers:
         return
-    rule = AbstainRule(equal_vote(len(answers), t))
+    rule = AbstainRule(equal_vote(range(len(answers)), t))
     n, tenths = len(answers), round(10 * t)
     expected = None
     if 10 * n_positive > tenths * n:
@@ -123,62 +106,25 @@ def test_the_formula_of_the_module(n_positive, n_negative, n_open, t):
 
 
 def test_calls_by_hand():
-    """Five questions, three copies, all answers alike: 8 of 15 are more than half."""
-    rule = AbstainRule(equal_vote(5))
+    """Five questions, three copies, all answers alike: two copies are more than half."""
     verdicts = np.ones((1, 3, 5), np.int8)
-    needed = {
-        batch: calls_needed(rule, Schedule((0, 1, 2, 3, 4), 3, batch), verdicts).item()
-        for batch in Batch
-    }
-    assert needed == {Batch.COPY: 10, Batch.QUESTION: 9, Batch.CALL: 8}
-    cautious = AbstainRule(equal_vote(5), 1.0)
-    assert calls_needed(cautious, Schedule((0, 1, 2, 3, 4), 3, Batch.CALL), verdicts) == 15
+    assert calls_needed(AbstainRule(equal_vote(range(5))), verdicts) == 10
+    assert calls_needed(AbstainRule(equal_vote(range(5)), 1.0), verdicts) == 15
+    verdicts[0, 1, :3] = -1
+    assert calls_needed(AbstainRule(equal_vote(range(5))), verdicts) == 15
 
 
 def test_an_unsure_image_is_settled_as_unknown():
-    rule = AbstainRule(equal_vote(4), 0.9)
+    rule = AbstainRule(equal_vote(range(4)), 0.9)
     half_way = np.array([[1, -1, MISSING, MISSING]], np.int8)
     assert verdict_so_far(rule, half_way) is State.UNKNOWN
 
 
-def test_heavy_questions_first_settle_sooner():
-    vote = FittedVote(VoteKind.PAPER, (0, 1, 2), (1, 1, 5), (False,) * 3, 0.5)
-    verdicts = np.ones((1, 2, 3), np.int8)
-    late, soon = (
-        calls_needed(AbstainRule(vote), Schedule(order, 2, Batch.CALL), verdicts).item()
-        for order in ((0, 1, 2), (2, 1, 0))
-    )
-    assert (late, soon) == (5, 2)
-
-
 def test_only_invalid_answers_settle_nothing():
     """If all that counts half were invalid, the verdict would be unknown, not positive."""
-    rule = AbstainRule(equal_vote(5, 0.3, VoteKind.WEIGHTED_ANSWERS))
+    rule = AbstainRule(equal_vote(range(5), 0.3, VoteKind.WEIGHTED_ANSWERS))
     answers = np.array([[0, 0, 0, 0, MISSING]], np.int8)
     assert rule.states(np.where(answers == MISSING, -1, answers)[np.newaxis]) == 1
     assert verdict_so_far(rule, answers) is None
     answers[0, 4] = 0
     assert verdict_so_far(rule, answers) is State.UNKNOWN
-
-
-# --- order ------------------------------------------------------------------------------------
-
-
-def test_batches():
-    assert Schedule((2, 0), 2, Batch.COPY).batches() == [[(0, 2), (0, 0)], [(1, 2), (1, 0)]]
-    assert Schedule((2, 0), 2, Batch.QUESTION).batches() == [[(0, 2), (1, 2)], [(0, 0), (1, 0)]]
-    single = Schedule((2, 0), 2, Batch.CALL).batches()
-    assert single == [[(0, 2)], [(1, 2)], [(0, 0)], [(1, 0)]]
-
-
-def test_a_schedule_fits_its_vote():
-    rule, verdicts = AbstainRule(equal_vote(2)), np.ones((1, 2, 2), np.int8)
-    with pytest.raises(ValueError, match=r"asks \[0\], the vote is on \(0, 1\)"):
-        calls_needed(rule, Schedule((0,), 2), verdicts)
-    with pytest.raises(ValueError, match="for 3 copies"):
-        calls_needed(rule, Schedule((0, 1), 3), verdicts)
-    for questions, n_copies, message in (((), 1, "at least one"), ((0, 0), 1, "distinct")):
-        with pytest.raises(ValueError, match=message):
-            Schedule(questions, n_copies)
-    with pytest.raises(ValueError, match="one copy"):
-        Schedule((0,), 0)

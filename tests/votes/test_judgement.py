@@ -134,7 +134,7 @@ def test_an_early_stop_names_the_winner_and_the_least_that_it_can_have(rule, dat
     ],
 )
 def test_reasons(verdicts, sentence):
-    rule = AbstainRule(equal_vote(2), min_sureness=0.5)
+    rule = AbstainRule(equal_vote(range(2)), min_sureness=0.5)
     assert rule.judge(np.array(verdicts, np.int8)).reason("open", "closed") == sentence
 
 
@@ -191,7 +191,7 @@ def test_reasons_of_votes_that_are_not_the_papers(
 
 def test_a_narrow_majority_does_not_read_like_a_tie():
     answers = np.array([[1] * 101 + [-1] * 100], np.int8)
-    said = AbstainRule(equal_vote(201)).judge(answers).reason("open", "closed")
+    said = AbstainRule(equal_vote(range(201))).judge(answers).reason("open", "closed")
     assert said == "50.2% of the valid votes speak for open"
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ruling import FREE, ballots_of, equal_vote, rules, votes
+from ruling import FREE, ballots_of, rules, votes
 
 from vqa_state.answers.table import MISSING
 from vqa_state.votes.reject_option import AbstainRule
-from vqa_state.votes.rules import FittedVote, VoteKind
+from vqa_state.votes.rules import FittedVote, VoteKind, equal_vote
 from vqa_state.votes.state import State
 
 
@@ -134,7 +134,7 @@ def test_the_order_of_copies_and_images_is_irrelevant(rule, data):
 
 
 def test_extremes_and_the_example_of_the_module():
-    rule = AbstainRule(equal_vote(6))
+    rule = AbstainRule(equal_vote(range(6)))
     same, none = np.ones((1, 6, 6), np.int8), np.zeros((1, 6, 6), np.int8)
     assert rule.sureness(same) == rule.sureness(-same) == 1
     assert (rule.sureness(none), rule.states(none)) == (0, 0)
@@ -147,11 +147,11 @@ def test_extremes_and_the_example_of_the_module():
 def test_a_tie_is_a_tie_as_a_decimal():
     """As a float, 0.6 is a little less than 3 / 5."""
     answers = np.array([[[1, 1, 1, -1, -1]]], np.int8)
-    assert AbstainRule(equal_vote(5, 0.6)).states(answers) == 0
+    assert AbstainRule(equal_vote(range(5), 0.6)).states(answers) == 0
 
 
 def test_invalid_answers_that_count_half_cannot_decide_alone():
-    vote = equal_vote(4, 0.3, VoteKind.WEIGHTED_ANSWERS)
+    vote = equal_vote(range(4), 0.3, VoteKind.WEIGHTED_ANSWERS)
     rule = AbstainRule(vote)
     nothing, one_against = np.zeros((1, 1, 4), np.int8), np.array([[[-1, 0, 0, 0]]], np.int8)
     assert rule.states(nothing) == 0
@@ -173,7 +173,7 @@ def test_missing_answers_are_not_invalid():
 
 
 def test_a_vote_by_p_yes_needs_all_shares():
-    rule = AbstainRule(equal_vote(2, kind=VoteKind.WEIGHTED_P_YES))
+    rule = AbstainRule(equal_vote(range(2), kind=VoteKind.WEIGHTED_P_YES))
     verdicts = np.ones((1, 1, 2), np.int8)
     for shares in (None, np.ones((1, 1, 1), np.float32), np.full((1, 1, 2), np.nan, np.float32)):
         with pytest.raises(ValueError, match="needs the model's own share for every answer"):
@@ -184,4 +184,4 @@ def test_a_vote_by_p_yes_needs_all_shares():
 @pytest.mark.parametrize("min_sureness", [-0.1, 1.1, math.nan])
 def test_a_rule_refuses_a_sureness_out_of_range(min_sureness):
     with pytest.raises(ValueError, match="min_sureness must be"):
-        AbstainRule(equal_vote(1), min_sureness)
+        AbstainRule(equal_vote(range(1)), min_sureness)

@@ -11,7 +11,7 @@ from vote_tables import COUNTED, literal_share, table_of, tables, votes
 from vqa_state.answers.rates import count, score
 from vqa_state.answers.table import MISSING
 from vqa_state.votes.fitting import available_kinds, fit_vote
-from vqa_state.votes.rules import MAX_WEIGHT, MILLION, Ballots, FittedVote, VoteKind, support
+from vqa_state.votes.rules import MAX_WEIGHT, MILLION, Ballots, FittedVote, VoteKind
 
 
 class TestDeciding:
@@ -31,32 +31,6 @@ class TestDeciding:
             else:
                 assert decided[image] == (share > threshold) - (share < threshold)
                 assert shares[image] == pytest.approx(float(share), abs=1e-12)
-
-    @given(st.data())
-    @settings(max_examples=100)
-    def test_a_recognizer_that_adds_support_says_the_same(self, data):
-        table = data.draw(tables())
-        vote = data.draw(votes(table.n_questions))
-        decided = vote.decide(Ballots.of_table(table))
-        for image in range(table.n_images):
-            positive = total = 0
-            for copy in range(table.n_copies):
-                for question, weight, flipped in zip(
-                    vote.questions, vote.weights, vote.flipped, strict=True
-                ):
-                    said = int(table.verdicts[image, copy, question])
-                    p = float(table.p_positive[image, copy, question])
-                    own = support(vote.kind, -said if flipped else said, 1 - p if flipped else p)
-                    if own is not None:
-                        positive += weight * own
-                        total += weight * MILLION
-            at = round(vote.threshold * total)
-            nothing = (
-                vote.kind is VoteKind.WEIGHTED_ANSWERS
-                and not table.verdicts[image][:, list(vote.questions)].any()
-            )
-            expected = 0 if nothing else (positive > at) - (positive < at)
-            assert decided[image] == expected
 
     @given(st.data())
     def test_the_papers_vote_is_the_papers_rule(self, data):
@@ -142,8 +116,6 @@ class TestDeciding:
         unknown = Ballots.of_table(table_of([[[1]], [[-1]]], [1, -1]))
         with pytest.raises(ValueError, match="own share"):
             vote.decide(unknown)
-        with pytest.raises(ValueError, match="p_yes"):
-            support(VoteKind.WEIGHTED_P_YES, 1)
         with pytest.raises(ValueError, match="own share"):
             fit_vote(VoteKind.WEIGHTED_P_YES, unknown, np.array([1, -1], np.int8), [0])
 

@@ -15,7 +15,7 @@ from vqa_state.errors import MissingAnswersError, NothingToSearchError
 from vqa_state.models import Failure
 from vqa_state.project.split import Split
 from vqa_state.recognizer.recognizer import Recognizer
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.objectives import Objective
 from vqa_state.study.answer_tables import read_tables
 from vqa_state.study.optimize import recognizer_path

@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 
 from vqa_state.errors import NothingToSearchError, ProjectError, VQAStateError
 from vqa_state.project.split import Split
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.objectives import Objective
 from vqa_state.study.assess import assess as assess_project
 from vqa_state.web import job_watcher

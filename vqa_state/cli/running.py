@@ -32,7 +32,7 @@ from vqa_state.images.augmentation import MAX_COPIES, Augmentation, Augmentation
 from vqa_state.models.address import Source
 from vqa_state.models.length_limit import with_max_tokens
 from vqa_state.project.project import Project
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.search.objectives import ObjectiveWeights
 from vqa_state.study.answer_tables import read_tables, require_answers

@@ -203,7 +203,7 @@ def _gain_interval(row: _Row) -> list[float]:
 
 def _mean_of_nouns(rows: Sequence[_Row], is_new: bool) -> float:
     fitting = [row["balanced"] for row in rows if row["is_new"] == is_new]
-    return sum(fitting) / max(1, len(fitting))
+    return float(sum(fitting) / max(1, len(fitting)))
 
 
 def _things_asked_about(rows: Sequence[_Row]) -> list[str]:

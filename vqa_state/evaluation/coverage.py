@@ -5,9 +5,9 @@ vote whose sureness (`vqa_state.votes.reject_option`) is below it gets `unknown`
 out-of-bag votes of the training images, that is from votes of recognizers that were chosen without
 the image, for the share of votes that shall give a verdict. Test images never enter it.
 
-Every single out-of-bag vote counts, one for each bag and each image that the bag lacks: a new image
-gets one vote, too. A mean over an image's votes spreads less than one vote does, so a sureness
-learned from means keeps a large coverage too rarely, and a small one too often.
+Every single out-of-bag vote counts, one for each resample and each image that the resample lacks: a
+new image gets one vote, too. A mean over an image's votes spreads less than one vote does, so a
+sureness learned from means keeps a large coverage too rarely, and a small one too often.
 
 Source: C. K. Chow, "On optimum recognition error and reject tradeoff", IEEE Transactions on
 Information Theory 1970.
@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.answers.table import AnswerTable
-from vqa_state.evaluation.held_out import Interval
+from vqa_state.evaluation.intervals import Interval, clopper_pearson
 from vqa_state.evaluation.out_of_bag import OutOfBag
-from vqa_state.votes.estimates import share_interval
 from vqa_state.votes.reject_option import AbstainRule
 from vqa_state.votes.rules import VoteKind
 
@@ -43,12 +42,12 @@ class CoveragePoint:
 
     Attributes:
         min_sureness: votes below it say `unknown`.
-        n_images: images that were ever out of bag, each with one vote a bag that lacks it.
+        n_images: images that were ever out of bag, each with one vote a resample that lacks it.
         n_votes: single votes in all.
         n_covered: votes that give a verdict.
         n_correct: votes whose verdict is right.
         interval: 95 % interval of the accuracy; NaN to NaN without a verdict. Votes on one image
-            are not independent, nor are look-alikes, so it is as wide as an exact one of fewer:
+            are not independent, nor are near-duplicates, so it is as wide as an exact one of fewer:
             with w verdicts in each group, (sum of w)² / (sum of w²) of them, which is right if all
             verdicts in a group are right or wrong together, and else too wide.
     """
@@ -85,22 +84,22 @@ class CoveragePoint:
 
 
 def single_votes(out: OutOfBag, kind: VoteKind, train: AnswerTable) -> tuple[Floats, States]:
-    """The votes of each bag on the images that it lacks.
+    """The votes of each resample on the images that it lacks.
 
     Args:
-        out: bags of the training images.
-        kind: which vote of each bag.
+        out: resamples of the training images.
+        kind: which vote of each resample.
         train: the training images' answers.
 
     Returns:
-        Their sureness in [0, 1], NaN for images of the bag, and the state that they lean to, +1, -1
-        or 0; both (n_bags, n_images).
+        Their sureness in [0, 1], NaN for images of the resample, and the state that they lean to,
+        +1, -1 or 0; both (n_resamples, n_images).
     """
     shape = len(out.resamples), train.n_images
     sureness, states = np.full(shape, np.nan), np.zeros(shape, np.int8)
     for number, resample in enumerate(out.resamples):
         rule, left = AbstainRule(resample.votes[kind]), resample.out
-        shares = train.p_positive[left] if kind is VoteKind.WEIGHTED_P_YES else None
+        shares = train.p_positive[left] if kind.by_p_yes else None
         sureness[number, left] = rule.sureness(train.verdicts[left], shares)
         states[number, left] = rule.states(train.verdicts[left], shares)
     return np.minimum(sureness, 1.0), states
@@ -112,11 +111,12 @@ def coverage_curve(
     """Accuracy against coverage, over single votes.
 
     Args:
-        sureness: of each out-of-bag vote, (n_bags, n_images) in [0, 1]; NaN where the image is in
-            the bag: there is no such vote.
-        states: the state that each vote leans to, +1, -1 or 0, (n_bags, n_images).
+        sureness: of each out-of-bag vote, (n_resamples, n_images) in [0, 1]; NaN where the image is
+            in the resample: there is no such vote.
+        states: the state that each vote leans to, +1, -1 or 0, (n_resamples, n_images).
         labels: +1 or -1, (n_images,).
-        groups: number of each image's group of look-alikes, (n_images,); all different without it.
+        groups: number of each image's group of near-duplicates, (n_images,); all different without
+            it.
 
     Returns:
         At most `MAX_POINTS` points with rising `min_sureness` and falling coverage; the first has
@@ -131,11 +131,11 @@ def coverage_curve(
     fits = sureness.ndim == 2 and sureness.shape == states.shape
     if not fits or not sureness.shape[1:] == labels.shape == groups.shape:
         raise ValueError(
-            f"need votes as (n_bags, n_images) and one label and group an image, got "
+            f"need votes as (n_resamples, n_images) and one label and group an image, got "
             f"{sureness.shape}, {states.shape}, {labels.shape} and {groups.shape}"
         )
-    bags, images = np.nonzero(~np.isnan(sureness))
-    sure, leaning = sureness[bags, images], states[bags, images]
+    resamples, images = np.nonzero(~np.isnan(sureness))
+    sure, leaning = sureness[resamples, images], states[resamples, images]
     if sure.size == 0 or not ((sure >= 0) & (sure <= 1)).all():
         raise ValueError(f"need at least one out-of-bag vote, sureness in [0, 1]; got {sureness}")
     right = leaning == labels[images]
@@ -172,10 +172,9 @@ def _levels(sure: Floats, leaning: States) -> list[float]:
 def _interval(n_correct: int, n_of_group: NDArray[np.intp]) -> Interval:
     """As `CoveragePoint.interval` says; `n_of_group` are the verdicts in each group."""
     n_covered = int(n_of_group.sum())
-    if n_covered == 0:
-        return Interval(math.nan, math.nan)
-    n_independent = n_covered**2 / float((n_of_group**2).sum())
-    return Interval(*share_interval(n_correct / n_covered, n_independent))
+    n_independent = n_covered**2 / float((n_of_group**2).sum()) if n_covered else 0.0
+    share = n_correct / n_covered if n_covered else 0.0
+    return clopper_pearson(share * n_independent, n_independent)
 
 
 def _rounded_down(sureness: float) -> float:

@@ -7,7 +7,6 @@ Source: paper II-B (baselines) and III (tables); the intervals, the paired test 
 single question are additions of this project.
 """
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -18,47 +17,35 @@ from numpy.typing import NDArray
 from vqa_state.answers.rates import Counts, SubsetScore, count, score
 from vqa_state.answers.table import AnswerTable
 from vqa_state.errors import NothingToSearchError
-from vqa_state.evaluation.paired_tests import PairedTest, mcnemar
+from vqa_state.evaluation.intervals import CONFIDENCE, Interval, clopper_pearson
 from vqa_state.questions.grid import Form, Question
 from vqa_state.search.objectives import Objective
 
 __all__ = [
+    "Baseline",
     "Candidate",
     "Evaluation",
-    "Interval",
     "Intervals",
     "MissedImage",
-    "PairedTest",
     "Row",
     "best_question",
     "evaluate",
-    "exact_interval",
-    "paired_test",
 ]
 
-CONFIDENCE = 0.95
 N_RESAMPLES = 2000
 
 
-class Candidate(StrEnum):
-    """A row of the table, in its order: the four chosen subsets, then the baselines."""
+class Baseline(StrEnum):
+    """Subsets that no search chose: all questions, those of one form, and the best single one."""
 
-    S_PLUS = Objective.S_PLUS
-    S_PRIME_PLUS = Objective.S_PRIME_PLUS
-    S_MINUS = Objective.S_MINUS
-    S_PRIME_MINUS = Objective.S_PRIME_MINUS
     S_DOES = "s_does"
     S_IS = "s_is"
     S_ALL = "s_all"
     BEST_QUESTION = "best question"
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """A 95 % interval; both ends are NaN where the score is undefined."""
-
-    low: float
-    high: float
+Candidate = Objective | Baseline
+"""A row of the table is named by the objective that chose its subset, or by its baseline."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +115,7 @@ class Evaluation:
     """The whole table.
 
     Attributes:
-        rows: in the order of `Candidate`; a row that has no questions of its kind is absent.
+        rows: the objectives, then the baselines; a row that has no questions of its kind is absent.
         n_left_out_train: training images left out because answers are missing.
         n_left_out_test: test images left out for the same reason.
     """
@@ -204,42 +191,19 @@ def best_question(counts: Counts) -> int:
     return min(range(counts.n_questions), key=badness)
 
 
-def paired_test(first: SubsetScore, second: SubsetScore) -> PairedTest:
-    """Whether two subsets recognize the same images equally often.
-
-    Raises:
-        ValueError: if the scores are of different numbers of images.
-    """
-    return mcnemar(first.recognized, second.recognized)
-
-
-def exact_interval(n_recognized: int, n_images: int) -> Interval:
-    """Clopper and Pearson's exact 95 % interval of a share; NaN to NaN without images.
-
-    Raises:
-        ValueError: if `n_recognized` is not from 0 to `n_images`.
-    """
-    from scipy.stats import binomtest  # takes half a second to import
-
-    if n_images == 0 == n_recognized:
-        return Interval(math.nan, math.nan)
-    exact = binomtest(n_recognized, n_images).proportion_ci(CONFIDENCE, "exact")
-    return Interval(float(exact.low), float(exact.high))
-
-
 def _subsets(
     questions: Sequence[Question], counts: Counts, chosen: Mapping[Objective, Sequence[int]]
 ) -> Iterator[tuple[Candidate, tuple[int, ...]]]:
     """Name and subset of every row, in order."""
     for objective in Objective:
         if objective in chosen:
-            yield Candidate(objective.value), tuple(sorted(chosen[objective]))
-    for name, form in ((Candidate.S_DOES, Form.DOES), (Candidate.S_IS, Form.IS)):
+            yield objective, tuple(sorted(chosen[objective]))
+    for name, form in ((Baseline.S_DOES, Form.DOES), (Baseline.S_IS, Form.IS)):
         of_form = tuple(i for i, question in enumerate(questions) if question.form == form)
         if of_form:
             yield name, of_form
-    yield Candidate.S_ALL, tuple(range(len(questions)))
-    yield Candidate.BEST_QUESTION, (best_question(counts),)
+    yield Baseline.S_ALL, tuple(range(len(questions)))
+    yield Baseline.BEST_QUESTION, (best_question(counts),)
 
 
 def _missed(table: AnswerTable, result: SubsetScore) -> tuple[MissedImage, ...]:
@@ -266,7 +230,7 @@ def _intervals(result: SubsetScore, resamples: NDArray[np.intp]) -> Intervals:
     asked = result.correct + result.wrong + result.invalid
     invalid = result.invalid / asked if result.n_used else np.full(result.n_images, np.nan)
     return Intervals(
-        R_img=exact_interval(result.n_recognized, result.n_images),
+        R_img=clopper_pearson(result.n_recognized, result.n_images),
         R_ave=_bootstrap(np.nan_to_num(result.r_correct), resamples),
         R_invalid=_bootstrap(invalid, resamples),
     )

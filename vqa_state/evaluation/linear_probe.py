@@ -1,4 +1,4 @@
-"""The rival: what the user would have taken instead of questions, a small trained image classifier.
+"""The linear probe: what the user would have taken instead of questions, a trained classifier.
 
 Logistic regression on features of the embedded model's image network
 (`vqa_state.models.embedded.pooled`), trained on the same training images and judged on the same
@@ -8,9 +8,9 @@ on. If it wins, the report says so.
     odds(image) = w x + b,   x the mean features of its copies, standardized by the training images
 
 The positive state wins above 0, the negative one below; exactly 0 is unknown. The strength of the
-penalty is chosen by cross-validation among the training images, in every resample anew; look-alikes
-stay on one side. (Every copy as a row of its own recognizes no more and takes twenty times as long:
-docs/decisions/0013-the-rival.md.)
+penalty is chosen by cross-validation among the training images, in every resample anew;
+near-duplicates stay on one side. (Every copy as a row of its own recognizes no more and takes
+twenty times as long: docs/decisions/0013-the-rival.md.)
 
 Source: A. S. Razavian et al., "CNN features off-the-shelf: an astounding baseline for recognition",
 CVPR workshops 2014.
@@ -23,18 +23,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.errors import NothingToSearchError
-from vqa_state.votes.estimates import Estimate, estimate, known_mean
+from vqa_state.evaluation.estimates import Estimate, estimate, known_mean
 from vqa_state.votes.logistic import fit_logistic
 from vqa_state.votes.resampling import divisible
 
-__all__ = ["STRENGTHS", "Rival", "RivalBags", "fit_rival", "rival_out_of_bag"]
+__all__ = [
+    "STRENGTHS",
+    "LinearProbe",
+    "ProbeResamples",
+    "fit_linear_probe",
+    "linear_probe_out_of_bag",
+]
 
 STRENGTHS = (1 / 4096, 1 / 1024, 1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0)
 """Weaker ones than a vote's, too: a thousand features tell twenty images apart easily."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rival:
+class LinearProbe:
     """A trained classifier of image features; arrays are (n_features,), float64.
 
     Attributes:
@@ -81,17 +87,18 @@ class Rival:
         return right
 
 
-def fit_rival(
+def fit_linear_probe(
     features: NDArray[np.float32],
     labels: NDArray[np.int8],
     groups: NDArray[np.int64] | None = None,
-) -> Rival:
-    """Train on the training images. The same arguments give the same rival.
+) -> LinearProbe:
+    """Train on the training images. The same arguments give the same linear probe.
 
     Args:
         features: (n_images, n_copies, n_features), of the copies that are asked about.
         labels: +1 or -1, (n_images,).
-        groups: number of each image's group of look-alikes, (n_images,); all different without it.
+        groups: number of each image's group of near-duplicates, (n_images,); all different without
+            it.
 
     Raises:
         NothingToSearchError: if a state has no image.
@@ -105,25 +112,25 @@ def fit_rival(
         )
     if set(labels.tolist()) != {1, -1}:
         raise NothingToSearchError(
-            "the rival needs labelled training images of both states; label some of the other"
+            "a linear probe needs labelled training images of both states; label some of the other"
         )
     rows = _of_images(features)
     center, spread = rows.mean(axis=0), rows.std(axis=0)
     scale = np.where(spread > 0, spread, 1.0)
     fit = fit_logistic((rows - center) / scale, labels, groups, STRENGTHS)
-    return Rival(center, scale, fit.coefficients, fit.intercept, fit.strength)
+    return LinearProbe(center, scale, fit.coefficients, fit.intercept, fit.strength)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RivalBags:
+class ProbeResamples:
     """After one resample more.
 
     Attributes:
         n_done: resamples done, from 1.
         n_total: resamples in all.
-        recognized: share of the resamples lacking the image whose rival recognizes it, (n_images,);
-            NaN for an image that was never out.
-        estimate: what share of new images the rival will recognize, as for the votes.
+        recognized: share of the resamples lacking the image whose linear probe recognizes it,
+            (n_images,); NaN for an image that was never out.
+        estimate: what share of new images the linear probe will recognize, as for the votes.
     """
 
     n_done: int
@@ -132,35 +139,35 @@ class RivalBags:
     estimate: Estimate
 
 
-def rival_out_of_bag(
+def linear_probe_out_of_bag(
     features: NDArray[np.float32],
     labels: NDArray[np.int8],
     groups: NDArray[np.int64],
-    bags: Sequence[NDArray[np.intp]],
-) -> Iterator[RivalBags]:
-    """Train a rival on every bag and judge it on the images that the bag lacks.
+    resamples: Sequence[NDArray[np.intp]],
+) -> Iterator[ProbeResamples]:
+    """Train a linear probe on every resample and judge it on the images that the resample lacks.
 
     Args:
         features: (n_images, n_copies, n_features).
         labels: +1 or -1, (n_images,).
-        groups: number of each image's group of look-alikes, (n_images,).
-        bags: positions of each bag's images, from `vqa_state.evaluation.out_of_bag`, so that
-            rival and votes are judged on the same images.
+        groups: number of each image's group of near-duplicates, (n_images,).
+        resamples: positions of each resample's images, from `vqa_state.evaluation.out_of_bag`, so
+            that linear probe and votes are judged on the same images.
 
     Yields:
-        One report a bag. The caller stops by no longer iterating.
+        One report a resample. The caller stops by no longer iterating.
 
     Source: as `vqa_state.evaluation.out_of_bag`.
     """
     kept = divisible(labels, groups)
-    recognized = np.full((len(bags), len(labels)), np.nan)
-    for number, bag in enumerate(bags):
-        rival = fit_rival(features[bag], labels[bag], kept[bag])
+    recognized = np.full((len(resamples), len(labels)), np.nan)
+    for number, drawn in enumerate(resamples):
+        probe = fit_linear_probe(features[drawn], labels[drawn], kept[drawn])
         out = np.ones(len(labels), dtype=bool)
-        out[bag] = False
-        recognized[number, out] = rival.recognized(features[out], labels[out])
+        out[drawn] = False
+        recognized[number, out] = probe.recognized(features[out], labels[out])
         shares = known_mean(recognized[: number + 1])
-        yield RivalBags(number + 1, len(bags), shares, estimate(shares, labels, kept))
+        yield ProbeResamples(number + 1, len(resamples), shares, estimate(shares, labels, kept))
 
 
 def _of_images(features: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -1,13 +1,15 @@
 """How many new images a recognizer will recognize, estimated from the training images alone.
 
 From the training images, draw as many again and again with replacement, each state by itself and
-look-alikes together. On each such *bag*, do all that was done on the whole: search the questions,
-fit every kind of vote, choose one. Then look at the images that the bag happened to lack. The score
-of an image is its mean over all bags that lack it, and the estimate is the mean over the images.
+near-duplicates together. On each such *resample*, do all that was done on the whole: search the
+questions, fit every kind of vote, choose one. Then look at the images that the resample happened to
+lack. The score of an image is its mean over all resamples that lack it, and the estimate is the
+mean over the images.
 
-The choice between the kinds of vote is repeated in every bag: it looks at the out-of-bag scores of
-the bag's own images, which come from other bags, and is judged on images outside the bag. So the
-estimate of what is recommended does not flatter by picking the luckiest of several numbers.
+The choice between the kinds of vote is repeated in every resample: it looks at the out-of-bag
+scores of the resample's own images, which come from other resamples, and is judged on images
+outside the resample. So the estimate of what is recommended does not flatter by picking the
+luckiest of several numbers.
 
 Source: B. Efron, R. Tibshirani, "Improvements on cross-validation: the .632+ bootstrap method",
 JASA 1997, section 2 (the leave-one-out bootstrap); I. Tsamardinos, E. Greasidou, G. Borboudakis,
@@ -24,11 +26,11 @@ from numpy.typing import NDArray
 
 from vqa_state.answers.rates import Counts
 from vqa_state.errors import NothingToSearchError
+from vqa_state.evaluation.estimates import Estimate, estimate, known_mean
 from vqa_state.search.genetic import SearchSettings, search
 from vqa_state.search.objectives import Objective
-from vqa_state.votes.estimates import Estimate, estimate, known_mean
 from vqa_state.votes.fitting import fit_votes
-from vqa_state.votes.resampling import divisible, draw_bag
+from vqa_state.votes.resampling import divisible, draw_resample
 from vqa_state.votes.rules import Ballots, FittedVote, VoteKind
 from vqa_state.votes.selection import Recommendation, recommend, simplest_of_the_best
 
@@ -65,34 +67,34 @@ def quick_search(counts: Counts, seed: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resample:
-    """One bag and what it made.
+    """One resample and what it made.
 
     Attributes:
-        bag: positions of its images; one may stand there several times.
-        out: images that the bag lacks, bool (n_images,).
+        drawn: positions of its images; one may stand there several times.
+        out: images that the resample lacks, bool (n_images,).
         votes: the fitted vote of every kind.
     """
 
-    bag: NDArray[np.intp]
+    drawn: NDArray[np.intp]
     out: NDArray[np.bool_]
     votes: Mapping[VoteKind, FittedVote]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutOfBag:
-    """What the bags say together; arrays are (n_images,), NaN for images that were never out.
+    """What the resamples say together; arrays are (n_images,), NaN for images that were never out.
 
     Attributes:
         kinds: the estimate of each kind of vote.
         recommended: the estimate of the procedure "take the recommended kind".
         recommendation: which kind to take, and why.
-        margins: of each kind, the mean margin in [-1, 1] of the bags that lack the image; above 0
-            it speaks for the positive state, whatever the label.
-        recommended_margins: the same of the kind that each bag chose.
-        recognized: of each kind, the share of the bags lacking the image that recognize it.
-        resamples: the bags, for anything else that is to be averaged over them.
-        groups_divided: whether look-alikes had to be parted, because all images of one state
-            look alike; then the estimate flatters, and the report must say so.
+        margins: of each kind, the mean margin in [-1, 1] of the resamples that lack the image;
+            above 0 it speaks for the positive state, whatever the label.
+        recommended_margins: the same of the kind that each resample chose.
+        recognized: of each kind, the share of the resamples lacking the image that recognize it.
+        resamples: the resamples, for anything else that is to be averaged over them.
+        groups_divided: whether near-duplicates had to be parted, because all images of one state
+            are near-duplicates; then the estimate flatters, and the report must say so.
     """
 
     kinds: Mapping[VoteKind, Estimate]
@@ -137,10 +139,11 @@ def out_of_bag(
     Args:
         ballots: the training images' answers. Test images have no place here.
         labels: their states, +1 or -1, (n_images,).
-        groups: number of each image's group of look-alikes, (n_images,); all different without it.
+        groups: number of each image's group of near-duplicates, (n_images,); all different without
+            it.
         seed: 0 or more; the same arguments give the same reports.
-        find: the search that is repeated in each bag; s+ for a recognizer of s+.
-        n_resamples: bags, at least 1. After 30, an estimate changes little.
+        find: the search that is repeated in each resample; s+ for a recognizer of s+.
+        n_resamples: resamples, at least 1. After 30, an estimate changes little.
 
     Yields:
         n_resamples reports.
@@ -158,16 +161,16 @@ def out_of_bag(
     streams = np.random.SeedSequence([seed, *b"out of bag"]).spawn(n_resamples)
     for n_done, stream in enumerate(streams, 1):
         rng = np.random.Generator(np.random.PCG64(stream))
-        bag = draw_bag(labels, kept, rng)
-        inside = ballots.take(bag)
-        subset = find(inside.counts(labels[bag]), int(rng.integers(2**31)))
-        votes = fit_votes(inside, labels[bag], subset, kept[bag])
-        tally.add(bag, votes, ballots)
+        drawn = draw_resample(labels, kept, rng)
+        inside = ballots.take(drawn)
+        subset = find(inside.counts(labels[drawn]), int(rng.integers(2**31)))
+        votes = fit_votes(inside, labels[drawn], subset, kept[drawn])
+        tally.add(drawn, votes, ballots)
         yield OutOfBagProgress(n_done, n_resamples, tally)
 
 
 class _Tally:
-    """What every bag said about the images that it lacks; grows with every bag."""
+    """What every resample said about the images that it lacks; grows with every resample."""
 
     def __init__(
         self, labels: NDArray[np.int8], groups: NDArray[np.int64], groups_divided: bool
@@ -176,16 +179,18 @@ class _Tally:
         self._groups = groups
         self._groups_divided = groups_divided
         self._resamples: list[Resample] = []
-        self._margins: list[Floats] = []  # of each bag, (n_kinds, n_images), NaN inside the bag
+        self._margins: list[
+            Floats
+        ] = []  # of each drawn, (n_kinds, n_images), NaN inside the resample
 
     def add(
-        self, bag: NDArray[np.intp], votes: Mapping[VoteKind, FittedVote], ballots: Ballots
+        self, drawn: NDArray[np.intp], votes: Mapping[VoteKind, FittedVote], ballots: Ballots
     ) -> None:
         out = np.ones(len(self._labels), dtype=bool)
-        out[bag] = False
+        out[drawn] = False
         margins = np.stack([vote.margins(ballots) for vote in votes.values()])
         margins[:, ~out] = np.nan
-        self._resamples.append(Resample(bag, out, MappingProxyType(dict(votes))))
+        self._resamples.append(Resample(drawn, out, MappingProxyType(dict(votes))))
         self._margins.append(margins)
 
     def result(self, n_done: int) -> OutOfBag:
@@ -214,10 +219,10 @@ class _Tally:
     def _choices(
         self, kinds: tuple[VoteKind, ...], of_kind: Floats, n_done: int
     ) -> NDArray[np.intp]:
-        """The kind that each bag would recommend, by the scores of its own images alone."""
+        """The kind that each resample would recommend, by the scores of its own images alone."""
         chosen = []
         for resample in self._resamples[:n_done]:
-            inside = known_mean(of_kind[:, resample.bag].T)
+            inside = known_mean(of_kind[:, resample.drawn].T)
             shares = dict(zip(kinds, inside.tolist(), strict=True))
             chosen.append(kinds.index(simplest_of_the_best(shares)))
         return np.array(chosen, dtype=np.intp)

@@ -28,7 +28,7 @@ from vqa_state.project.schema import (
 from vqa_state.project.split import Split, astride, divide
 from vqa_state.questions.grid import Question, QuestionGrid, clean_text
 from vqa_state.questions.states import StateNames
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.search.objectives import Objective, ObjectiveWeights
 from vqa_state.storage.atomic_write import PROJECT_FILE, write_atomically

@@ -12,7 +12,7 @@ from vqa_state.images.augmentation import Augmentation
 from vqa_state.project.split import Split
 from vqa_state.questions.grid import QuestionGrid
 from vqa_state.questions.states import StateNames
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.search.objectives import Objective, ObjectiveWeights
 from vqa_state.votes.rules import VoteKind

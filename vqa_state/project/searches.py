@@ -6,32 +6,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from vqa_state.answers.completeness import Completeness
 from vqa_state.answers.table import AnswerTable
 from vqa_state.evaluation.held_out import Evaluation
 from vqa_state.project.project import Project
 from vqa_state.recognizer.recognizer import IncompleteRecord, ProofRecord
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.search.objectives import Objective, ObjectiveWeights
 
-__all__ = ["PaperRun", "Results", "SavedSearch", "read_search", "search_path", "table_digest"]
-
-
-class PaperRun(BaseModel):
-    """What the paper's one genetic search finds on the same answers, to show both."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    subset: tuple[Annotated[int, Field(ge=0)], ...]
-    value: float
-    n_recognized: int
+__all__ = ["Results", "SavedSearch", "read_search", "search_path", "table_digest"]
 
 
 class SavedSearch(BaseModel):
-    """Content of searches/OBJECTIVE.json. Files of version 1 know the paper's engine only."""
+    """Content of searches/OBJECTIVE.json. Files of version 1 are the paper's engine's."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -49,10 +39,16 @@ class SavedSearch(BaseModel):
     """Best and mean fitness of each generation of the search."""
     finished: bool
     proof: ProofRecord | None = None
-    paper: PaperRun | None = None
-    """None if the engine is the paper's own, or a stop came before its last generation."""
     incomplete: Annotated[IncompleteRecord | None, Field(exclude_if=lambda one: one is None)] = None
     """Only where training images lacked answers, and a person said that the others are enough."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_paper(cls, content: object) -> object:
+        """Earlier programs also kept what the engine `paper` had found on the same answers."""
+        if isinstance(content, dict):
+            return {name: value for name, value in content.items() if name != "paper"}
+        return content
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ def as_arrays(
         if p_yes is not None:
             is_positive = questions[place[1]].yes_means > 0
             p_positive[place] = round(p_yes, 6) if is_positive else 1 - round(p_yes, 6)
-    if kind is not VoteKind.WEIGHTED_P_YES:
+    if not kind.by_p_yes:
         return said, None
     if np.isnan(p_positive[said != MISSING]).any():
         raise RecognizerError(NO_PROBABILITIES)

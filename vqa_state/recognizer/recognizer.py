@@ -127,7 +127,7 @@ class Recognizer(Record):
 
     def _check_vote(self) -> None:
         """The simple kinds weigh nothing, and the paper's wins by the majority."""
-        simple = self.vote in (VoteKind.PAPER, VoteKind.THRESHOLD)
+        simple = not self.vote.weighted
         if simple and any(question.weight != 1 for question in self.questions):
             raise ValueError(f"the vote by {self.vote.value!r} gives every question the weight 1")
         if self.vote is VoteKind.PAPER and self.threshold != 0.5:

@@ -16,7 +16,7 @@ from vqa_state.images.augmentation import MAX_COPIES, AugmentationKind
 from vqa_state.models.address import MAX_ADDRESS
 from vqa_state.questions.grid import clean_text
 from vqa_state.questions.states import StateNames
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.search.objectives import Objective, ObjectiveWeights
 from vqa_state.search.proof import Badge

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from vqa_state.answers.rates import Counts, count, question_stats
 from vqa_state.answers.store import AnswerStore, copy_keys
 from vqa_state.answers.table import AnswerTable
-from vqa_state.evaluation.held_out import Evaluation, Interval, Row
+from vqa_state.evaluation.held_out import Evaluation, Row
+from vqa_state.evaluation.intervals import Interval
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results, SavedSearch
 from vqa_state.project.split import Split
@@ -103,7 +104,7 @@ def term_sentences(found: Results) -> list[str]:
 def _terms_in_words(counts: Counts, saved: SavedSearch) -> str:
     fitness = Fitness(counts, saved.objective, saved.weights)
     best, everything = fitness.terms(saved.subset), fitness.terms(range(counts.n_questions))
-    alpha, beta = saved.weights.alpha, saved.objective.beta_sign * saved.weights.beta
+    alpha, beta = saved.weights.alpha, saved.objective.kind.signed_beta(saved.weights)
     shares = {
         "recognized images": alpha * (best.n_recognized - everything.n_recognized) / best.n_images,
         "the mean correct rate": best.R_ave - everything.R_ave,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from html import escape
 
 from vqa_state.errors import ImageError, ProjectError
-from vqa_state.evaluation.held_out import Candidate, MissedImage
+from vqa_state.evaluation.held_out import MissedImage
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results
 from vqa_state.study.suggest import Hints
@@ -24,7 +24,7 @@ MAX_PICTURES = 24
 
 def missed(project: Project, found: Results) -> str:
     """Images of both sides that the chosen objective's subset does not recognize, worst first."""
-    row = next(r for r in found.evaluation.rows if r.name == Candidate(project.chosen.value))
+    row = next(r for r in found.evaluation.rows if r.name == project.chosen)
     sides = [("train", one) for one in row.train_missed] + [("test", o) for o in row.test_missed]
     worst = sorted(sides, key=lambda side: side[1].n_for - side[1].n_against)
     return _pictures(

@@ -9,7 +9,7 @@ from vqa_state.errors import ProjectError
 from vqa_state.models import VQAModel
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.study.answer_tables import require_answers
 from vqa_state.study.collect import AskProgress, ask
 from vqa_state.study.optimize import OptimizeProgress, optimize, results

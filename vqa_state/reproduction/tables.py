@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import pandas as pd
-from scipy.stats import binomtest
 
 from vqa_state.answers.rates import SubsetScore
-from vqa_state.evaluation.held_out import CONFIDENCE, Candidate, Row, exact_interval, paired_test
+from vqa_state.evaluation.held_out import Baseline, Row
+from vqa_state.evaluation.intervals import CONFIDENCE, clopper_pearson
+from vqa_state.evaluation.paired_tests import PairedTest, mcnemar
 from vqa_state.project.searches import Results
 from vqa_state.reproduction.paper import (
     BEST_QUESTION_OF_VARIOUS_DOORS,
@@ -67,11 +68,11 @@ def experiment_frame(name: str, found: Results) -> pd.DataFrame:
     paper = paper_tables().query("experiment == @name").set_index("subset")
     rows = _rows(found)
     records = []
-    for subset in (*SUBSETS, Candidate.BEST_QUESTION.value):
+    for subset in (*SUBSETS, Baseline.BEST_QUESTION.value):
         row = rows[subset]
         test, intervals = _tested(row), row.intervals
         theirs = paper.loc[subset].to_dict() if subset in paper.index else {}
-        if subset == Candidate.BEST_QUESTION.value and name == "various_doors":
+        if subset == Baseline.BEST_QUESTION.value and name == "various_doors":
             theirs = {"n_recognized": BEST_QUESTION_OF_VARIOUS_DOORS, "n_images": 80}
         records.append(
             {
@@ -89,7 +90,7 @@ def experiment_frame(name: str, found: Results) -> pd.DataFrame:
                 "R_invalid": round(test.R_invalid, 3),
                 "paper_used": theirs.get("n_used"),
                 "used": row.train.n_used,
-                "questions": len(rows[Candidate.S_ALL.value].subset),
+                "questions": len(rows[Baseline.S_ALL.value].subset),
             }
         )
     return pd.DataFrame(records)
@@ -106,11 +107,11 @@ def total_frame(found: Mapping[str, Results]) -> pd.DataFrame:
     frame = pd.concat([experiment_frame(name, one) for name, one in found.items()])
     once = _each_picture_once(found)
     records = []
-    for subset in ("s+", "s-", "s_all", Candidate.BEST_QUESTION.value):
+    for subset in ("s+", "s-", "s_all", Baseline.BEST_QUESTION.value):
         own = frame[frame["subset"] == subset]
         distinct = own[own["experiment"] != REPEATED]
         n_recognized, n_images = int(distinct["recognized"].sum()), int(distinct["images"].sum())
-        exact = exact_interval(n_recognized, n_images)
+        exact = clopper_pearson(n_recognized, n_images)
         known = own["paper_recognized"].notna().all()
         only_first, only_second, p_value = _compared(once, subset)
         records.append(
@@ -188,7 +189,7 @@ def _forms_remark(claim: str, what: str, pairs: Sequence[tuple[float, float]]) -
     of_is, of_does = (sum(values) / n for values in zip(*pairs, strict=True))
     more = sum(first > second + _ROUNDING for first, second in pairs)
     less = sum(second > first + _ROUNDING for first, second in pairs)
-    p_value = float(binomtest(more, more + less).pvalue) if more + less else 1.0
+    p_value = PairedTest(n, more, less).p_value
     numbers = (
         f"p = {p_value:.3f}, two-sided sign test; higher for `is` in {more} of {n} experiments, "
         f"lower in {less}, equal in {n - more - less}; mean {what} {of_is:.3f} against "
@@ -224,15 +225,14 @@ def _one_wording(found: Mapping[str, Results]) -> Remark:
 
 def _compared(found: Mapping[str, Results], subset: str) -> tuple[int, int, float]:
     """Images that only s+, and that only `subset` recognizes, and the exact paired p-value."""
-    only_first = only_second = 0
+    n_images = only_first = only_second = 0
     for one in found.values():
         rows = _rows(one)
-        outcome = paired_test(_tested(rows["s+"]), _tested(rows[subset]))
+        outcome = mcnemar(_tested(rows["s+"]).recognized, _tested(rows[subset]).recognized)
+        n_images += outcome.n_images
         only_first += outcome.n_only_first
         only_second += outcome.n_only_second
-    differing = only_first + only_second
-    p_value = float(binomtest(only_first, differing).pvalue) if differing else 1.0
-    return only_first, only_second, p_value
+    return only_first, only_second, PairedTest(n_images, only_first, only_second).p_value
 
 
 def _rows(found: Results) -> dict[str, Row]:

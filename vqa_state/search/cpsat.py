@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vqa_state.answers.rates import Counts
+from vqa_state.search.background_task import BackgroundTask, time_limit
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
 from vqa_state.search.question_classes import Integers, QuestionClasses, question_classes
-from vqa_state.search.solver_thread import Work, most_seconds
 
 if TYPE_CHECKING:
     from ortools.sat.python import cp_model
@@ -100,7 +100,7 @@ def best_value(
     """
     classes = question_classes(counts, objective)
     fitness = Fitness(counts, objective, weights)
-    signed_beta = objective.beta_sign * weights.beta
+    signed_beta = objective.kind.signed_beta(weights)
     cap = weights.alpha * n_recognized[1] / counts.n_images + 1 + max(signed_beta, 0)
     best = tuple(sorted(subset))
     report = ValueReport(fitness.terms(best).value, cap, best)
@@ -114,9 +114,9 @@ def best_value(
         model.start_from(best)
         return model
 
-    seconds = min(most_seconds(counts.n_images, counts.n_questions), _BACKSTOP)
+    seconds = min(time_limit(counts.n_images, counts.n_questions), _BACKSTOP)
     solver = _Solver(build, deterministic_time, seconds)
-    work = Work(solver.run, stop, solver.interrupt)
+    work = BackgroundTask(solver.run, stop, solver.interrupt)
     with closing(iter(work)) as told:
         for news in told:
             better = _take_in(report, news, fitness)

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.answers.rates import Counts
+from vqa_state.search.background_task import StopPoll
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import fittest, require_searchable
 from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
 from vqa_state.search.question_classes import Integers, QuestionClasses, question_classes
-from vqa_state.search.solver_thread import Asker
 
 __all__ = ["MAX_SUBSETS", "ExactReport", "can_enumerate", "enumerate_subsets"]
 
@@ -118,7 +118,7 @@ class _Enumeration:
         weights: ObjectiveWeights,
     ) -> None:
         self._classes = classes
-        self._alpha, self._beta = weights.alpha, objective.beta_sign * weights.beta
+        self._alpha, self._beta = weights.alpha, objective.kind.signed_beta(weights)
         self._fitness = Fitness(counts, objective, weights)
         self._left, self._right = self._halves()
         # Sums of n float32 rates, each in [0, 1], are off by less than this, on both sides; and
@@ -132,8 +132,8 @@ class _Enumeration:
     def run(self, stop: Callable[[], bool]) -> Iterator[ExactReport]:
         """Level by level: first the subsets that recognize most images."""
         n_left, n_right = len(self._left.used), len(self._right.used)
-        total, checked, asker = n_left * n_right, 0, Asker(stop)
-        n_recognized = self._count(asker)
+        total, checked, is_stopped = n_left * n_right, 0, StopPoll(stop)
+        n_recognized = self._count(is_stopped)
         if n_recognized is None:
             yield self._report(0, total)
             return
@@ -142,7 +142,7 @@ class _Enumeration:
             if self._most(level) < self._value:
                 break
             for right in range(n_right):
-                if asker():
+                if is_stopped():
                     yield self._report(checked, total)
                     return
                 wanted = np.flatnonzero(n_recognized[right] == level)
@@ -163,7 +163,7 @@ class _Enumeration:
         E = self._alpha * n_recognized / self._classes.n_images + 1 + max(self._beta, 0)
         return E + self._rounding
 
-    def _count(self, stop: Asker) -> NDArray[np.unsignedinteger[Any]] | None:
+    def _count(self, stop: StopPoll) -> NDArray[np.unsignedinteger[Any]] | None:
         """Recognized images of every subset, (n_right, n_left); None after a stop."""
         n_left, n_right = len(self._left.used), len(self._right.used)
         small: type[np.unsignedinteger[Any]] = np.min_scalar_type(self._classes.n_images).type

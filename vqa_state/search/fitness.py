@@ -65,8 +65,8 @@ class Fitness:
         if 0 in counts.correct.shape:
             raise ValueError(f"no fitness without images and questions: {counts.correct.shape}")
         self.n_images, self.n_questions = counts.correct.shape
-        self._alpha, self._beta = weights.alpha, objective.beta_sign * weights.beta
-        asked = counts.correct + counts.wrong + (counts.invalid if objective.primed else 0)
+        self._alpha, self._beta = weights.alpha, objective.kind.signed_beta(weights)
+        asked = objective.kind.asked(counts)
         # Matrix products of whole numbers held in floats are exact and use BLAS.
         exact = np.float32 if asked.sum(axis=1).max() < _EXACT_IN_FLOAT32 else np.float64
         self._per_question = np.concatenate([counts.correct, asked]).T.astype(exact)

@@ -26,7 +26,9 @@ __all__ = [
     "first_population",
     "fittest",
     "flip_mutation",
+    "report_of",
     "require_searchable",
+    "require_small",
     "search",
     "stream",
     "tournament",
@@ -147,11 +149,7 @@ def search(
     Source: paper II-B.
     """
     require_searchable(counts)
-    if settings.population * counts.n_questions > MAX_GENES:
-        raise ValueError(
-            f"{settings.population} individuals x {counts.n_questions} questions exceed "
-            f"{MAX_GENES} bits; lower the population or switch questions off"
-        )
+    require_small(settings, counts.n_questions)
     rng = stream(objective, seed)
     return _evolve(Fitness(counts, objective, weights), settings, rng, singles_first)
 
@@ -190,17 +188,29 @@ def _evolve(
             values[changed] = fitness(population[changed])
             n_evaluations += int(np.count_nonzero(changed))
             best = better(best, population[fittest(population, values)], fitness)
-        subset = tuple(np.flatnonzero(best).tolist())
-        terms = fitness.terms(subset)
-        yield SearchReport(
-            generation=generation,
-            total=settings.generations,
-            best_fitness=terms.value,
-            mean_fitness=float(values.mean()),
-            terms=terms,
-            subset=subset,
-            n_evaluations=n_evaluations,
-        )
+        yield report_of(best, fitness, generation, settings.generations, values, n_evaluations)
+
+
+def report_of(
+    best: NDArray[np.uint8],
+    fitness: Fitness,
+    generation: int,
+    total: int,
+    values: NDArray[np.float64],
+    n_evaluations: int,
+) -> SearchReport:
+    """A report about the best individual so far, (n_questions,), and the fitness of the present."""
+    subset = tuple(np.flatnonzero(best).tolist())
+    terms = fitness.terms(subset)
+    return SearchReport(
+        generation=generation,
+        total=total,
+        best_fitness=terms.value,
+        mean_fitness=float(values.mean()),
+        terms=terms,
+        subset=subset,
+        n_evaluations=n_evaluations,
+    )
 
 
 def first_population(
@@ -317,6 +327,19 @@ def better(
     both = np.stack([first, second])
     winner: NDArray[np.uint8] = both[fittest(both, fitness(both))]
     return winner
+
+
+def require_small(settings: SearchSettings, n_questions: int) -> None:
+    """Refuse a population that would not fit into memory.
+
+    Raises:
+        ValueError: if population times questions is too large.
+    """
+    if settings.population * n_questions > MAX_GENES:
+        raise ValueError(
+            f"{settings.population} individuals x {n_questions} questions exceed "
+            f"{MAX_GENES} bits; lower the population or switch questions off"
+        )
 
 
 def require_searchable(counts: Counts) -> None:

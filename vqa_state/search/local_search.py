@@ -1,4 +1,4 @@
-"""Climbing from a subset to one that no change of one or two questions makes better."""
+"""Local search: from a subset to one that no change of one or two questions makes better."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.answers.rates import Counts
+from vqa_state.search.fitness import Fitness
 from vqa_state.search.objectives import Objective, ObjectiveWeights
 
-__all__ = ["Climber", "Summit"]
+__all__ = ["LocalSearch", "Position"]
 
 #: Pairs are tried among so many questions, the best by themselves: 2016 pairs a step.
 _IN_PAIRS = 64
 
-#: A gain below this is rounding; a climb on it would never end.
+#: A gain below this is rounding; a local search on it would never end.
 _LEAST_GAIN = 1e-5
 
 #: Sums that are held at once; larger steps are looked at in pieces.
@@ -24,8 +25,8 @@ Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Summit:
-    """Where a climb ended, or stands.
+class Position:
+    """Where a local search stands, or ended.
 
     Attributes:
         individual: zeros and ones, (n_questions,).
@@ -38,7 +39,7 @@ class Summit:
     n_evaluations: int
 
 
-class Climber:
+class LocalSearch:
     """Steepest ascent on E; a step switches one or two questions on or off.
 
     Sums of answers are kept and changed by what the switched questions add, for all neighbours at
@@ -46,12 +47,13 @@ class Climber:
     """
 
     def __init__(self, counts: Counts, objective: Objective, weights: ObjectiveWeights) -> None:
-        asked = counts.correct + counts.wrong + (counts.invalid if objective.primed else 0)
+        self.fitness = Fitness(counts, objective, weights)
+        asked = objective.kind.asked(counts)
         used = np.ones((counts.n_questions, 1))
         # One row for each question: correct by image, asked by image, and the question itself.
         self._columns: Floats = np.hstack([counts.correct.T, asked.T, used]).astype(np.float32)
         self._n_images, self._n_questions = counts.n_images, counts.n_questions
-        self._alpha, self._beta = weights.alpha, objective.beta_sign * weights.beta
+        self._alpha, self._beta = weights.alpha, objective.kind.signed_beta(weights)
 
     @property
     def cells_a_step(self) -> int:
@@ -60,16 +62,16 @@ class Climber:
         neighbours = self._n_questions + n_tried * (n_tried - 1) // 2
         return neighbours * (2 * self._n_images + 1)
 
-    def climb(self, start: NDArray[np.uint8]) -> Summit:
+    def optimum(self, start: NDArray[np.uint8]) -> Position:
         """Take the best step until none helps; of equally good ones the first."""
-        *_, summit = self.steps(start)
-        return summit
+        *_, end = self.steps(start)
+        return end
 
-    def steps(self, start: NDArray[np.uint8]) -> Iterator[Summit]:
+    def steps(self, start: NDArray[np.uint8]) -> Iterator[Position]:
         """The same, step by step; the caller may leave between two steps.
 
         Yields:
-            Where the climb stands after each step that helps, then the summit.
+            The position after each step that helps, then the local optimum.
         """
         individual, n_evaluations = start.copy(), 1
         sums = start.astype(np.float32) @ self._columns
@@ -83,12 +85,12 @@ class Climber:
             n_evaluations += len(values)
             # Of the gain, not of the sum: a small gain vanishes beside a large value.
             if not values[best] - value >= _LEAST_GAIN:
-                yield Summit(individual, value, n_evaluations)
+                yield Position(individual, value, n_evaluations)
                 return
             sums, value = sums + _changes(steps[[best]], single)[0], float(values[best])
             individual = individual.copy()
             individual[steps[best]] = 1 - individual[steps[best]]
-            yield Summit(individual, value, n_evaluations)
+            yield Position(individual, value, n_evaluations)
 
     def _values(self, steps: NDArray[np.intp], sums: Floats, single: Floats) -> NDArray[np.float64]:
         """E after each step, (n_steps,)."""

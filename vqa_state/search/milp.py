@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vqa_state.answers.rates import Counts
+from vqa_state.search.background_task import BackgroundTask, time_limit
 from vqa_state.search.objectives import Objective
 from vqa_state.search.question_classes import QuestionClasses, question_classes
-from vqa_state.search.solver_thread import Work, most_seconds
 
 if TYPE_CHECKING:
     from scipy.optimize import LinearConstraint, OptimizeResult
@@ -89,11 +89,11 @@ def most_images(
     best, bound = tuple(sorted(subset)), _recognizable(classes)
     report = ImagesReport(_n_recognized(classes, best), bound, best)
     yield report
-    end = time.monotonic() + most_seconds(counts.n_images, counts.n_questions)
+    end = time.monotonic() + time_limit(counts.n_images, counts.n_questions)
     for limit in node_limits:
         while not report.proved and (seconds := end - time.monotonic()) > 0:
             before = report
-            work = Work(partial(_put_solution, classes, before, limit, seconds), stop)
+            work = BackgroundTask(partial(_put_solution, classes, before, limit, seconds), stop)
             for found in work:
                 report = found
             if work.stopped:

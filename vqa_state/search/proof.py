@@ -16,21 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.answers.rates import Counts
+from vqa_state.search.background_task import BackgroundTask, StopPoll
 from vqa_state.search.cpsat import CLOSED, best_value
 from vqa_state.search.exact import can_enumerate, enumerate_subsets
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import better, require_searchable
-from vqa_state.search.local_search import Climber
+from vqa_state.search.local_search import LocalSearch
 from vqa_state.search.milp import NODE_LIMITS, most_images
 from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
-from vqa_state.search.solver_thread import Asker, Work
 
 __all__ = [
     "PROOF_TOLERANCE",
     "Badge",
     "ProofLimits",
     "ProofReport",
-    "Stage",
+    "ProofStage",
     "badge_sentence",
     "prove",
     "prove_all",
@@ -40,7 +40,7 @@ __all__ = [
 PROOF_TOLERANCE = CLOSED
 
 
-class Stage(StrEnum):
+class ProofStage(StrEnum):
     """What a proof is doing."""
 
     SUBSETS = "comparing all subsets"
@@ -99,7 +99,7 @@ class ProofReport:
     """
 
     objective: Objective
-    stage: Stage
+    stage: ProofStage
     subset: tuple[int, ...]
     terms: Terms
     bound: float
@@ -226,7 +226,7 @@ def prove_all(
             list(pool.map(drain, proofs.values()))  # the list raises what a proof raised
 
     known: dict[Objective, ProofReport] = {}
-    for report in Work(run, lambda: False, closing.set):
+    for report in BackgroundTask(run, lambda: False, closing.set):
         known[report.objective] = report
         yield dict(known)
 
@@ -246,17 +246,17 @@ class _Proof:
         best, n_images = tuple(sorted(subset)), counts.n_images
         self._known = ProofReport(
             objective=objective,
-            stage=Stage.SUBSETS if can_enumerate(counts, objective) else Stage.IMAGES,
+            stage=ProofStage.SUBSETS if can_enumerate(counts, objective) else ProofStage.IMAGES,
             subset=best,
             terms=self._fitness.terms(best),
             bound=self._cap(n_images),
             n_bound=n_images,
         )
-        self._asker = Asker(lambda: False)
+        self._is_stopped = StopPoll(lambda: False)
 
     def run(self, limits: ProofLimits, stop: Callable[[], bool]) -> Iterator[ProofReport]:
-        self._asker = Asker(stop)
-        if self._known.stage is Stage.SUBSETS:
+        self._is_stopped = StopPoll(stop)
+        if self._known.stage is ProofStage.SUBSETS:
             yield from self._compare(stop)
         else:
             yield from self._bound(limits, stop)
@@ -280,14 +280,14 @@ class _Proof:
         for images in most_images(
             self._counts, self._objective, self._known.subset, node_limits=limits.nodes, stop=stop
         ):
-            self._take(images.subset, climb=True)
+            self._take(images.subset, improve=True)
             self._lower(images.bound, self._cap(images.bound))
             self._known = replace(self._known, stopped=images.stopped)
             n_known = images.n_recognized
             yield self._known
         if self._known.stopped or self._known.badge is Badge.BEST:
             return
-        self._known = replace(self._known, stage=Stage.VALUE)
+        self._known = replace(self._known, stage=ProofStage.VALUE)
         for value in best_value(
             self._counts,
             self._objective,
@@ -301,32 +301,32 @@ class _Proof:
             self._lower(self._known.n_bound, value.bound)
             self._known = replace(self._known, stopped=value.stopped)
             yield self._known
-        self._take(self._known.subset, climb=True)
+        self._take(self._known.subset, improve=True)
 
     def _cap(self, n_recognized: int) -> float:
         """E of a subset that recognizes so many images is at most this."""
-        signed_beta = self._objective.beta_sign * self._weights.beta
+        signed_beta = self._objective.kind.signed_beta(self._weights)
         R_img = n_recognized / self._counts.n_images
         return float(self._weights.alpha * R_img + 1 + max(signed_beta, 0))
 
-    def _take(self, subset: tuple[int, ...], *, climb: bool = False) -> None:
-        """Keep a subset if it is better, or what a climb from it leads to."""
+    def _take(self, subset: tuple[int, ...], *, improve: bool = False) -> None:
+        """Keep a subset if it is better, or what a local search from it leads to."""
         if not subset:
             return
         individuals = np.zeros((2, self._counts.n_questions), dtype=np.uint8)
         individuals[0, list(self._known.subset)] = individuals[1, list(subset)] = 1
         best = better(individuals[0], individuals[1], self._fitness)
-        if climb:
-            best = better(best, self._climbed(individuals[1]), self._fitness)
+        if improve:
+            best = better(best, self._improved(individuals[1]), self._fitness)
         taken = tuple(np.flatnonzero(best).tolist())
         self._known = replace(self._known, subset=taken, terms=self._fitness.terms(taken))
 
-    def _climbed(self, start: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Where a climb leads, as far as it comes before a stop."""
-        climber, reached = Climber(self._counts, self._objective, self._weights), start
-        for place in climber.steps(start):
-            reached = place.individual
-            if self._asker():
+    def _improved(self, start: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Where a local search leads, as far as it comes before a stop."""
+        local, reached = LocalSearch(self._counts, self._objective, self._weights), start
+        for position in local.steps(start):
+            reached = position.individual
+            if self._is_stopped():
                 break
         return reached
 

@@ -72,7 +72,7 @@ class QuestionClasses:
 
 def question_classes(counts: Counts, objective: Objective) -> QuestionClasses:
     """Group the questions whose Correct and asked answers agree on every image."""
-    asked = counts.correct + counts.wrong + (counts.invalid if objective.primed else 0)
+    asked = objective.kind.asked(counts)
     classes: dict[bytes, list[int]] = {}
     for position in range(counts.n_questions):
         column = counts.correct[:, position].tobytes() + asked[:, position].tobytes()

@@ -21,6 +21,7 @@ from vqa_state.answers.rates import Counts, count
 from vqa_state.answers.table import AnswerTable
 from vqa_state.evaluation.cost_frontier import FrontierPoint, search_frontier
 from vqa_state.evaluation.coverage import CoveragePoint, coverage_curve, single_votes
+from vqa_state.evaluation.estimates import Estimate
 from vqa_state.evaluation.out_of_bag import (
     N_RESAMPLES,
     OutOfBag,
@@ -38,7 +39,6 @@ from vqa_state.storage.atomic_write import write_atomically
 from vqa_state.study.features import Featurizer, embedded_features
 from vqa_state.study.linear_probe_run import RivalRecord, RivalStage, RivalStep, try_rival
 from vqa_state.study.optimize import nothing_found, results
-from vqa_state.votes.estimates import Estimate
 from vqa_state.votes.fitting import fit_votes
 from vqa_state.votes.rules import Ballots, FittedVote, VoteKind
 from vqa_state.votes.selection import Recommendation
@@ -255,8 +255,8 @@ class _Making:
     def rival(
         self, out: OutOfBag, features: Callable[[], Featurizer], stop: Callable[[], bool]
     ) -> Iterator[RivalStep]:
-        bags = [resample.bag for resample in out.resamples]
-        return try_rival(self._shown_to_rival(), self._train, self._groups, bags, features, stop)
+        drawn = [resample.drawn for resample in out.resamples]
+        return try_rival(self._shown_to_rival(), self._train, self._groups, drawn, features, stop)
 
     def _shown_to_rival(self) -> Project:
         """Without its test images, if the search saw only part of the training images."""

@@ -4,7 +4,8 @@ What they carry is decided here; `vqa_state.study.export` gives them another vot
 abstain.
 """
 
-from vqa_state.evaluation.held_out import Candidate, Interval, Row
+from vqa_state.evaluation.held_out import Baseline, Candidate, Row
+from vqa_state.evaluation.intervals import Interval
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results
 from vqa_state.recognizer.recognizer import (
@@ -35,12 +36,12 @@ def paper_recognizer(project: Project, found: Results, objective: Objective) -> 
         finished=saved.finished,
         proof=saved.proof,
     )
-    return _recognizer(project, found, Candidate(objective.value), origin)
+    return _recognizer(project, found, objective, origin)
 
 
 def unchosen_recognizer(project: Project, found: Results) -> Recognizer:
     """All questions of the project, without a choice, by the paper's vote."""
-    return _recognizer(project, found, Candidate.S_ALL, None)
+    return _recognizer(project, found, Baseline.S_ALL, None)
 
 
 def _recognizer(

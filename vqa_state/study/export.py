@@ -7,7 +7,7 @@ import numpy as np
 from vqa_state.answers.table import AnswerTable
 from vqa_state.errors import NothingToSearchError
 from vqa_state.evaluation.coverage import CoveragePoint, choose_point
-from vqa_state.evaluation.held_out import exact_interval
+from vqa_state.evaluation.intervals import clopper_pearson
 from vqa_state.project.project import Project
 from vqa_state.project.searches import Results
 from vqa_state.recognizer.recognizer import (
@@ -119,14 +119,14 @@ def _scores(vote: FittedVote, found: Results) -> Scores:
     )
     assert train is not None  # noqa: S101  # results always have training images
     if test is not None:
-        interval = exact_interval(test.n_recognized, test.n_images)
+        interval = clopper_pearson(test.n_recognized, test.n_images)
         pair = round(interval.low, 6), round(interval.high, 6)
         test = test.model_copy(update={"R_img_interval": pair})
     return Scores(train=train, test=test)
 
 
 def _record(vote: FittedVote, table: AnswerTable) -> ScoreRecord | None:
-    if vote.kind is VoteKind.WEIGHTED_P_YES and np.isnan(table.p_positive).any():
+    if vote.kind.by_p_yes and np.isnan(table.p_positive).any():
         return None
     right = vote.decide(Ballots.of_table(table)) == table.labels
     return ScoreRecord(n_recognized=int(right.sum()), n_images=table.n_images)

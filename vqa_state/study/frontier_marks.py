@@ -8,19 +8,12 @@ from dataclasses import dataclass
 
 from vqa_state.answers.rates import count
 from vqa_state.evaluation.cost_frontier import FrontierPoint, point_of
-from vqa_state.evaluation.held_out import Candidate
+from vqa_state.evaluation.held_out import Baseline
 from vqa_state.project.searches import Results
 
 __all__ = ["MarkedPoint", "cheaper_sentence", "marked_points"]
 
-_MARKED = (
-    Candidate.S_PLUS,
-    Candidate.S_PRIME_PLUS,
-    Candidate.S_MINUS,
-    Candidate.S_PRIME_MINUS,
-    Candidate.S_ALL,
-    Candidate.BEST_QUESTION,
-)
+_UNMARKED = (Baseline.S_DOES, Baseline.S_IS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +50,7 @@ def marked_points(found: Results) -> tuple[MarkedPoint, ...]:
     """
     subsets: dict[tuple[int, ...], list[str]] = {}
     for row in found.evaluation.rows:
-        if row.name in _MARKED:
+        if row.name not in _UNMARKED:
             subsets.setdefault(tuple(sorted(row.subset)), []).append(row.name.value)
     return _placed(found, subsets)
 

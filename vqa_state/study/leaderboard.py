@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from vqa_state.answers.table import AnswerTable
 from vqa_state.evaluation.coverage import choose_point
-from vqa_state.evaluation.held_out import Candidate, exact_interval
+from vqa_state.evaluation.estimates import Estimate
+from vqa_state.evaluation.held_out import Baseline
+from vqa_state.evaluation.intervals import clopper_pearson
 from vqa_state.evaluation.paired_tests import Comparison, compare
 from vqa_state.project.searches import Results
 from vqa_state.search.objectives import Objective
@@ -32,14 +34,13 @@ from vqa_state.study.recommendation import (
     recommendation_sentence,
 )
 from vqa_state.study.vision_check import Pace
-from vqa_state.votes.early_stop import Schedule, calls_needed
-from vqa_state.votes.estimates import Estimate
+from vqa_state.votes.early_stop import calls_needed
 from vqa_state.votes.reject_option import AbstainRule
-from vqa_state.votes.rules import Ballots, FittedVote, VoteKind
+from vqa_state.votes.rules import Ballots, FittedVote, VoteKind, equal_vote
 
 __all__ = ["RIVAL", "Missed", "SideScore", "Standing", "Standings", "standings", "standings_frame"]
 
-UNCHOSEN = frozenset({Candidate.S_ALL, Candidate.S_IS, Candidate.S_DOES})
+UNCHOSEN = frozenset({Baseline.S_ALL, Baseline.S_IS, Baseline.S_DOES})
 """Sets for which no image chose anything: what they recognize of any image is no flattery."""
 
 Mask = NDArray[np.bool_]
@@ -100,21 +101,18 @@ class _Maker:
         searches, assessed = self._found.searches, self._assessed
         subset = searches[chosen].subset
         votes: Mapping[VoteKind, FittedVote] = (
-            {VoteKind.PAPER: _paper(subset)} if assessed is None else assessed.votes
+            {VoteKind.PAPER: equal_vote(subset)} if assessed is None else assessed.votes
         )
         for kind, vote in votes.items():
             entry = self._voting(_name(chosen, kind), vote)
             yield entry if assessed is None else _with_estimates(entry, assessed, kind)
         for objective in searches:
             if objective is not chosen:
-                vote = _paper(searches[objective].subset)
+                vote = equal_vote(searches[objective].subset)
                 yield self._voting(_name(objective, VoteKind.PAPER), vote)
-        paper = searches[chosen].paper
-        if paper is not None and paper.subset:
-            yield self._voting(f"{chosen.value} of the paper's search", _paper(paper.subset))
         for row in self._found.evaluation.rows:
-            if row.name.value not in set(Objective):
-                entry = self._voting(row.name.value, _paper(row.subset))
+            if isinstance(row.name, Baseline):
+                entry = self._voting(row.name.value, equal_vote(row.subset))
                 is_open = assessed is not None and row.name in UNCHOSEN
                 yield _with_own_score(entry) if is_open else entry
         yield from self._rival()
@@ -142,7 +140,7 @@ class _Maker:
     def _decided(self, vote: FittedVote) -> Sides | None:
         if self._test is None:
             return None
-        if vote.kind is VoteKind.WEIGHTED_P_YES and self._test.p_positive is None:
+        if vote.kind.by_p_yes and self._test.p_positive is None:
             return None
         return vote.decide(self._test)
 
@@ -177,12 +175,6 @@ class _Maker:
         yield _Entry(row, _right(test, on_test))
 
 
-def _paper(subset: tuple[int, ...]) -> FittedVote:
-    chosen = tuple(sorted(subset))
-    n_used = len(chosen)
-    return FittedVote(VoteKind.PAPER, chosen, (1,) * n_used, (False,) * n_used, 0.5)
-
-
 def _with_estimates(entry: _Entry, assessed: Assessment, kind: VoteKind) -> _Entry:
     """What was learned of a kind of vote without the test images."""
     curve = assessed.curves.get(kind)
@@ -213,9 +205,8 @@ def _name(objective: Objective, kind: VoteKind) -> str:
 
 def _early_calls(vote: FittedVote, train: AnswerTable) -> float:
     """Copy by copy, as `Recognizer.recognize(stop_early=True)` asks."""
-    schedule = Schedule(vote.questions, train.n_copies)
-    shares = train.p_positive if vote.kind is VoteKind.WEIGHTED_P_YES else None
-    return float(calls_needed(AbstainRule(vote), schedule, train.verdicts, shares).mean())
+    shares = train.p_positive if vote.kind.by_p_yes else None
+    return float(calls_needed(AbstainRule(vote), train.verdicts, shares).mean())
 
 
 def _right(table: AnswerTable | None, sides: Sides | None) -> Mask | None:
@@ -240,7 +231,7 @@ def _side(right: Mask, labels: NDArray[np.int8]) -> SideScore:
         return int(right[images].sum()), int(images.sum())
 
     pairs = pair(np.ones(labels.shape, dtype=bool)), pair(labels > 0), pair(labels < 0)
-    return SideScore(*pairs, *(exact_interval(*one) for one in pairs))
+    return SideScore(*pairs, *(clopper_pearson(*one) for one in pairs))
 
 
 def _comparisons(entries: list[_Entry], chosen: Objective) -> tuple[Comparison, ...]:
@@ -248,6 +239,6 @@ def _comparisons(entries: list[_Entry], chosen: Objective) -> tuple[Comparison, 
     masks = {entry.row.name: entry.test for entry in entries if entry.test is not None}
     recommended = [entry.row.name for entry in entries if entry.row.recommended]
     first = next((name for name in recommended if name in masks), chosen.value)
-    seconds = [chosen.value, Candidate.BEST_QUESTION.value, Candidate.S_ALL.value, RIVAL]
+    seconds = [chosen.value, Baseline.BEST_QUESTION.value, Baseline.S_ALL.value, RIVAL]
     pairs = [(first, second) for second in seconds if second in masks and second != first]
     return compare(masks, pairs) if first in masks else ()

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from vqa_state.evaluation.coverage import CoveragePoint
-from vqa_state.evaluation.held_out import Interval
+from vqa_state.evaluation.estimates import Estimate
+from vqa_state.evaluation.intervals import Interval
 from vqa_state.evaluation.paired_tests import Comparison
-from vqa_state.votes.estimates import Estimate
 from vqa_state.votes.rules import VoteKind
 
 __all__ = ["CAREFUL", "RIVAL", "Missed", "SideScore", "Standing", "Standings", "out_of"]
@@ -99,7 +99,7 @@ class Standings:
         recommendation: why one kind is recommended, and which other objective's set does as well
             on training images with fewer calls; "" if there is neither.
         warnings: where numbers promise more than they keep.
-        badges: what is proved about each objective's subset, and what the paper's search found.
+        badges: what is proved about each objective's subset.
     """
 
     rows: tuple[Standing, ...]

@@ -9,14 +9,14 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from vqa_state.evaluation.held_out import Interval
+from vqa_state.evaluation.estimates import Estimate, optimism_warning
+from vqa_state.evaluation.intervals import Interval
 from vqa_state.evaluation.paired_tests import Comparison
 from vqa_state.project.searches import Results, SavedSearch
 from vqa_state.search.objectives import Objective
 from vqa_state.search.proof import Badge
 from vqa_state.study.assess import Assessment
 from vqa_state.study.leaderboard_rows import CAREFUL, RIVAL, Standing, Standings, out_of
-from vqa_state.votes.estimates import Estimate, optimism_warning
 from vqa_state.votes.selection import NEAR
 
 __all__ = [
@@ -160,8 +160,6 @@ def _badge(objective: Objective, saved: SavedSearch) -> str:
         found = f"{saved.proof.badge.value} (E = {saved.proof.value:.3f}"
         found += "" if saved.proof.badge is Badge.BEST else f", at most {gap:.2f} below the bound"
         found += f"; no subset recognizes more than {saved.proof.n_bound} training images)"
-    if saved.paper is not None:
-        found += f"; the paper's one search found E = {saved.paper.value:.3f}"
     return f"{objective.value}: {found}."
 
 

@@ -16,14 +16,18 @@ from pydantic import BaseModel, ConfigDict
 
 from vqa_state.answers.table import AnswerTable
 from vqa_state.errors import ImageError, ModelError
-from vqa_state.evaluation.linear_probe import RivalBags, fit_rival, rival_out_of_bag
+from vqa_state.evaluation.estimates import Estimate
+from vqa_state.evaluation.linear_probe import (
+    ProbeResamples,
+    fit_linear_probe,
+    linear_probe_out_of_bag,
+)
 from vqa_state.images import read_picture
 from vqa_state.images.augmentation import copies
 from vqa_state.project.project import Project
 from vqa_state.project.split import Split
-from vqa_state.search.solver_thread import Work
+from vqa_state.search.background_task import BackgroundTask
 from vqa_state.study.features import Featurizer, features_of
-from vqa_state.votes.estimates import Estimate
 
 __all__ = ["RivalRecord", "RivalStage", "RivalStep", "try_rival"]
 
@@ -108,7 +112,7 @@ def try_rival(
     """
     yield RivalStep(RivalStage.LOADING, 0, 1)
     try:  # in a thread, because importing torch takes longer than a stop may wait
-        loaded = list(Work[Featurizer](lambda put: put(features()), stop))
+        loaded = list(BackgroundTask[Featurizer](lambda put: put(features()), stop))
     except (ImportError, ModelError) as error:
         yield _none(RivalStage.LOADING, str(error))
         return
@@ -138,8 +142,8 @@ def _trained(
     stop: Callable[[], bool],
 ) -> Iterator[RivalStep]:
     own = np.stack([rows[image_id] for image_id in train.image_ids])
-    tried: RivalBags | None = None
-    for tried in rival_out_of_bag(own, train.labels, groups, bags):
+    tried: ProbeResamples | None = None
+    for tried in linear_probe_out_of_bag(own, train.labels, groups, bags):
         yield RivalStep(RivalStage.BAGS, tried.n_done, tried.n_total)
         if stop():
             break
@@ -147,7 +151,7 @@ def _trained(
         yield _none(RivalStage.BAGS, _STOPPED)
         return
     milliseconds = yield from _milliseconds(project, featurizer, stop)
-    rival = fit_rival(own, train.labels, groups)
+    rival = fit_linear_probe(own, train.labels, groups)
     sides = rival.decide(np.stack(list(rows.values()))).tolist()
     record = RivalRecord(
         fingerprint=featurizer.fingerprint,

@@ -15,7 +15,6 @@ from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.evaluation.held_out import evaluate
 from vqa_state.project.project import Project
 from vqa_state.project.searches import (
-    PaperRun,
     Results,
     SavedSearch,
     read_search,
@@ -23,7 +22,6 @@ from vqa_state.project.searches import (
     table_digest,
 )
 from vqa_state.recognizer.recognizer import IncompleteRecord, ProofRecord
-from vqa_state.search.default import Engine, search_with
 from vqa_state.search.genetic import SearchReport
 from vqa_state.search.objectives import Objective
 from vqa_state.search.proof import ProofReport, prove_all
@@ -100,8 +98,7 @@ def optimize(
     """Search for all four objectives side by side; keep what they found and write recognizers.
 
     Only training images are looked at. The engine `default` then proves how good the subsets are at
-    most, and may better them; it also runs the paper's search, to show both. A stop keeps the best
-    so far and records that it was one.
+    most, and may better them. A stop keeps the best so far and records that it was one.
 
     Args:
         project: its engine, settings, weights and seed are used.
@@ -124,9 +121,7 @@ def optimize(
     tables.require_training(incomplete=incomplete)
     counts = count(tables.seen)
     curves: dict[Objective, list[tuple[float, float]]] = {objective: [] for objective in Objective}
-    papers = _searches(project, counts, Engine.PAPER) if project.engine is Engine.DEFAULT else {}
-    paper_reports: dict[Objective, SearchReport] = {}
-    searches = _searches(project, counts, project.engine)
+    searches = _searches(project, counts)
     progress = None
     began = time.monotonic()
     for reports in zip(*searches.values(), strict=True):
@@ -135,8 +130,6 @@ def optimize(
         )
         for objective, report in progress.reports.items():
             curves[objective].append((report.best_fitness, report.mean_fitness))
-        for objective, paper in papers.items():  # shorter than ours
-            paper_reports[objective] = next(paper, None) or paper_reports[objective]
         yield progress
         if stop():
             break
@@ -145,20 +138,17 @@ def optimize(
         raise NothingToSearchError(
             "a search was too small to find even one question; raise its population or generations"
         )
-    if prove and progress.searched and project.engine is Engine.DEFAULT:
+    if prove and progress.searched and project.engine.kind.is_proved:
         found = {objective: report.subset for objective, report in progress.reports.items()}
         for proofs in prove_all(counts, found, weights=project.weights, stop=stop):
             progress = OptimizeProgress(progress.reports, proofs)
             yield progress
-    _keep(project, tables, progress, curves, paper_reports)
+    _keep(project, tables, progress, curves)
 
 
-def _searches(
-    project: Project, counts: Counts, engine: Engine
-) -> dict[Objective, Iterator[SearchReport]]:
+def _searches(project: Project, counts: Counts) -> dict[Objective, Iterator[SearchReport]]:
     return {
-        objective: search_with(
-            engine,
+        objective: project.engine.kind.search(
             counts,
             objective,
             weights=project.weights,
@@ -252,12 +242,11 @@ def _part(tables: SideTables) -> IncompleteRecord | None:
 
 def _fits(saved: SavedSearch, objective: Objective, train: AnswerTable) -> bool:
     """Whether a search is of these answers, and could have come from this program."""
-    positions = set(saved.subset) | set(saved.paper.subset if saved.paper else ())
     return (
         saved.table == table_digest(train)
         and saved.objective is objective
         and len(set(saved.subset)) == len(saved.subset)
-        and max(positions) < train.n_questions
+        and max(saved.subset) < train.n_questions
     )
 
 
@@ -306,11 +295,10 @@ def _keep(
     tables: SideTables,
     progress: OptimizeProgress,
     curves: Mapping[Objective, list[tuple[float, float]]],
-    papers: Mapping[Objective, SearchReport],
 ) -> None:
     contents: dict[Path, bytes | None] = {}
     for objective, report in progress.reports.items():
-        proof, paper = progress.proofs.get(objective), _ended(papers.get(objective))
+        proof = progress.proofs.get(objective)
         saved = SavedSearch(
             objective=objective,
             table=table_digest(tables.train),
@@ -322,18 +310,12 @@ def _keep(
             curve=tuple(curves[objective]),
             finished=progress.searched and (proof is None or not proof.stopped),
             proof=None if proof is None else _proof_record(proof),
-            paper=None if paper is None else _paper_run(paper),
             incomplete=_part(tables),
         )
         contents[search_path(project, objective)] = saved.model_dump_json().encode()
     with locked(project.folder):  # all four of one run, whoever else optimizes
         _write(contents)
     refresh(project)
-
-
-def _ended(paper: SearchReport | None) -> SearchReport | None:
-    """The paper's search only if it came to its end: half of it is no result of the paper's."""
-    return paper if paper is not None and paper.generation == paper.total else None
 
 
 def _proof_record(proof: ProofReport) -> ProofRecord:
@@ -343,10 +325,4 @@ def _proof_record(proof: ProofReport) -> ProofRecord:
         bound=max(round(proof.bound, 6), round(proof.terms.value, 6)),
         n_bound=proof.n_bound,
         stopped=proof.stopped,
-    )
-
-
-def _paper_run(report: SearchReport) -> PaperRun:
-    return PaperRun(
-        subset=report.subset, value=report.best_fitness, n_recognized=report.terms.n_recognized
     )

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from vqa_state.evaluation.held_out import Candidate
+from vqa_state.evaluation.held_out import Baseline
 from vqa_state.search.objectives import Objective
 from vqa_state.study.assess import Assessment
 from vqa_state.study.leaderboard_rows import Standing, out_of
@@ -35,7 +35,7 @@ def everything_sentence(rows: Sequence[Standing], assessed: Assessment | None) -
 
     Nothing was chosen for it, so its training score may stand beside an estimate out of bag.
     """
-    everything = next((row for row in rows if row.name == Candidate.S_ALL.value), None)
+    everything = next((row for row in rows if row.name == Baseline.S_ALL.value), None)
     own = next((row for row in rows if row.recommended), None)
     if assessed is None or everything is None or everything.estimate is None or own is None:
         return ""

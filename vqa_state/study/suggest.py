@@ -25,7 +25,7 @@ from vqa_state.project.split import Split
 from vqa_state.questions.grid import Question, QuestionGrid
 from vqa_state.study.assess import Assessment
 from vqa_state.study.collect import AskProgress, answer_table, ask
-from vqa_state.votes.rules import Ballots, FittedVote, VoteKind
+from vqa_state.votes.rules import Ballots, FittedVote, equal_vote
 
 __all__ = ["Hints", "accept", "ask_unlabelled", "hints"]
 
@@ -131,11 +131,9 @@ def _like_a_test_image(project: Project) -> set[str]:
 
 
 def _vote(project: Project, found: Results, assessed: Assessment | None) -> FittedVote:
-    subset = tuple(sorted(found.searches[project.chosen].subset))
     if assessed is not None:
         return assessed.votes[assessed.recommendation.kind]
-    n_used = len(subset)
-    return FittedVote(VoteKind.PAPER, subset, (1,) * n_used, (False,) * n_used, 0.5)
+    return equal_vote(found.searches[project.chosen].subset)
 
 
 def _questions(found: Results, vote: FittedVote) -> tuple[Question, ...]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vqa_state.answers.parse import Answer
 from vqa_state.answers.store import AnswerStore, copy_keys
 from vqa_state.errors import NothingToSearchError, RecognizerError
-from vqa_state.evaluation.held_out import Interval, exact_interval
+from vqa_state.evaluation.intervals import Interval, clopper_pearson
 from vqa_state.evaluation.paired_tests import compare
 from vqa_state.images.augmentation import Augmentation
 from vqa_state.models import VQAModel
@@ -23,7 +23,6 @@ from vqa_state.questions.grid import Question, QuestionGrid
 from vqa_state.recognizer.counting import NO_PROBABILITIES
 from vqa_state.recognizer.recognizer import Recognizer
 from vqa_state.study.collect import AskProgress, ask
-from vqa_state.votes.rules import VoteKind
 from vqa_state.votes.state import State
 
 __all__ = ["Rechecked", "SideCheck", "recheck"]
@@ -105,7 +104,7 @@ def recheck(
         StoreError: if an answer cannot be stored.
     """
     asked = _asked(recognizer, project)
-    if recognizer.vote is VoteKind.WEIGHTED_P_YES:
+    if recognizer.vote.by_p_yes:
         _require_probabilities(asked, model, stop)
     for progress in ask(asked, model, stop):
         yield progress
@@ -191,7 +190,7 @@ def _side(
         n_images=len(whole),
         n_left_out=n_left_out,
         n_recognized=int(now.sum()),
-        interval=exact_interval(int(now.sum()), len(whole)),
+        interval=clopper_pearson(int(now.sum()), len(whole)),
         before=None if before is None else int(before.sum()),
         lost=() if before is None else _names(whole, before & ~now),
         gained=() if before is None else _names(whole, now & ~before),

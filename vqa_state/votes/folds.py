@@ -11,7 +11,7 @@ def strata(labels: NDArray[np.int8], groups: NDArray[np.int64]) -> list[list[int
 
     Args:
         labels: +1 or -1, (n_images,).
-        groups: number of the group of look-alikes of each image, (n_images,).
+        groups: number of the group of near-duplicates of each image, (n_images,).
 
     Returns:
         Three lists of group numbers, each in the order of the images.

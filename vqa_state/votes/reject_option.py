@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from vqa_state.answers.table import MISSING
 from vqa_state.votes.judgement import Judgement
-from vqa_state.votes.rules import MILLION, FittedVote, VoteKind
+from vqa_state.votes.rules import MILLION, FittedVote
 from vqa_state.votes.state import State
 
 __all__ = ["AbstainRule"]
@@ -144,7 +144,7 @@ class _Tally:
         said = verdicts[:, :, vote.questions].astype(np.int64) * turn  # (images, copies, n_used)
         # How far each answer is from neither, in millionths, from -MILLION to MILLION.
         pull = MILLION * said
-        if vote.kind is VoteKind.WEIGHTED_P_YES and p_positive is not None:
+        if vote.kind.by_p_yes and p_positive is not None:
             p = np.rint(p_positive[:, :, vote.questions].astype(np.float64) * MILLION)
             pull = (2 * p.astype(np.int64) - MILLION) * turn
         n_copies, per_copy = verdicts.shape[1], int(weights.sum())
@@ -152,7 +152,7 @@ class _Tally:
         self.valid = (said != 0) @ weights
         all_count = vote.kind.weighted
         self.counted = np.full_like(self.valid, per_copy) if all_count else self.valid
-        if vote.kind is VoteKind.WEIGHTED_ANSWERS:  # but if all are invalid, none counts
+        if vote.kind.weighted and not vote.kind.by_p_yes:  # but if all are invalid, none counts
             self.counted = self.counted * (self.valid.sum(axis=1, keepdims=True) > 0)
         self.support = (pull @ weights + MILLION * self.counted) // 2
         self._for = np.maximum(pull, 0).sum(axis=1) @ weights
@@ -185,7 +185,7 @@ def _require_answers(
         )
     if (verdicts[:, :, vote.questions] == MISSING).any():
         raise ValueError("an answer is missing, which is not invalid; ask it again first")
-    if vote.kind is not VoteKind.WEIGHTED_P_YES:
+    if not vote.kind.by_p_yes:
         return
     if p_positive is None or p_positive.shape != verdicts.shape:
         raise ValueError("a vote by p_yes needs the model's own share for every answer")

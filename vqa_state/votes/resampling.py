@@ -1,11 +1,11 @@
-"""Bootstrap resamples of labelled images: both states, look-alikes together."""
+"""Bootstrap resamples of labelled images: both states, near-duplicates together."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vqa_state.votes.folds import strata
 
-__all__ = ["divisible", "draw_bag"]
+__all__ = ["divisible", "draw_resample"]
 
 
 def divisible(labels: NDArray[np.int8], groups: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -19,20 +19,20 @@ def divisible(labels: NDArray[np.int8], groups: NDArray[np.int64]) -> NDArray[np
     return kept
 
 
-def draw_bag(
+def draw_resample(
     labels: NDArray[np.int8], groups: NDArray[np.int64], rng: np.random.Generator
 ) -> NDArray[np.intp]:
-    """Images of a bag: groups drawn with replacement, so many of each stratum as it has.
+    """Images of a resample: groups drawn with replacement, so many of each stratum as it has.
 
-    A bag must hold both states; where mixed groups leave that to chance, it is drawn again.
+    A resample must hold both states; where mixed groups leave that to chance, it is drawn again.
     """
     members = {group: np.flatnonzero(groups == group) for group in np.unique(groups).tolist()}
     pools = _pools(labels, groups)
     while True:
-        drawn = [group for pool in pools for group in rng.choice(pool, size=len(pool)).tolist()]
-        bag = np.concatenate([members[group] for group in drawn])
-        if np.unique(labels[bag]).size == 2 and np.unique(bag).size < labels.size:
-            return bag
+        chosen = [group for pool in pools for group in rng.choice(pool, size=len(pool)).tolist()]
+        drawn = np.concatenate([members[group] for group in chosen])
+        if np.unique(labels[drawn]).size == 2 and np.unique(drawn).size < labels.size:
+            return drawn
 
 
 def _pools(labels: NDArray[np.int8], groups: NDArray[np.int64]) -> list[list[int]]:

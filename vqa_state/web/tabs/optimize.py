@@ -11,7 +11,7 @@ from vqa_state.answers.rates import count
 from vqa_state.errors import NothingToSearchError, ProjectError
 from vqa_state.project.searches import Results
 from vqa_state.recognizer.schema import ProofRecord
-from vqa_state.search.default import Engine
+from vqa_state.search.engines import Engine
 from vqa_state.search.fitness import Fitness, Terms
 from vqa_state.search.genetic import PAPER_SETTINGS, SearchSettings
 from vqa_state.search.objectives import Objective, ObjectiveWeights
@@ -27,16 +27,7 @@ from vqa_state.web.view_data import note
 __all__ = ["HINTS", "Parts", "build", "wire"]
 
 KIND = "optimizing"
-HINTS = {
-    Objective.S_PLUS: "most accurate, many questions",
-    Objective.S_PRIME_PLUS: "invalid counts as wrong, many questions",
-    Objective.S_MINUS: "few questions, fast",
-    Objective.S_PRIME_MINUS: "invalid counts as wrong, few questions",
-}
-ENGINES = {
-    Engine.DEFAULT: "default: searches longer, then proves how good the best can be",
-    Engine.PAPER: "paper: its one genetic search, nothing proved",
-}
+HINTS = {objective: objective.kind.hint for objective in Objective}
 PROVING = "Proving how good the best can be. It ends by itself; a stop keeps the best so far."
 MAX_POINTS = 240
 
@@ -75,7 +66,7 @@ def build(tab: gr.Tab) -> Parts:
         "own objective, on the training images only."
     )
     engine = gr.Radio(
-        [(hint, one.value) for one, hint in ENGINES.items()], label="Engine", elem_id="engine"
+        [(one.kind.hint, one.value) for one in Engine], label="Engine", elem_id="engine"
     )
     with gr.Accordion("Advanced: settings of the search", open=False):
         numbers = _numbers()

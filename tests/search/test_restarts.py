@@ -1,4 +1,4 @@
-"""Our engine: climbs against every neighbour, never below the genetic search, one seed one run."""
+"""The default engine: local search against every neighbour, and one seed, one run."""
 
 from itertools import combinations, islice
 
@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from search_tables import draw_counts
 
-from vqa_state.search.default import Engine, default_search, search_with
+from vqa_state.search.engines.restarts import restart_search
 from vqa_state.search.exact import enumerate_subsets
 from vqa_state.search.fitness import Fitness
 from vqa_state.search.genetic import SearchSettings, search
-from vqa_state.search.local_search import Climber
+from vqa_state.search.local_search import LocalSearch
 from vqa_state.search.objectives import PAPER_WEIGHTS, Objective, ObjectiveWeights
 
 QUICK = SearchSettings(population=40, generations=6)
@@ -26,25 +26,25 @@ def last(reports):
 
 @given(st.integers(0, 2**32), st.sampled_from(Objective), st.sampled_from(WEIGHTS))
 @settings(max_examples=30)
-def test_no_change_of_one_or_two_questions_beats_a_summit(seed, objective, weights):
+def test_no_change_of_one_or_two_questions_beats_a_local_optimum(seed, objective, weights):
     counts = draw_counts(seed, 6, 9)
     start = np.random.default_rng(seed).integers(0, 2, 9, dtype=np.uint8)
-    summit = Climber(counts, objective, weights).climb(start)
+    found = LocalSearch(counts, objective, weights).optimum(start)
     fitness = Fitness(counts, objective, weights)
     neighbours = []
     for pair in [*combinations(range(9), 1), *combinations(range(9), 2)]:
-        neighbour = summit.individual.copy()
+        neighbour = found.individual.copy()
         neighbour[list(pair)] ^= 1
         neighbours.append(neighbour)
-    value = fitness(summit.individual[np.newaxis])[0]
-    assert value == pytest.approx(summit.value, abs=1e-4)
+    value = fitness(found.individual[np.newaxis])[0]
+    assert value == pytest.approx(found.value, abs=1e-4)
     assert value >= fitness(start[np.newaxis])[0]
-    assert fitness(np.array(neighbours)).max() <= value + 3e-5  # it climbs in float32
+    assert fitness(np.array(neighbours)).max() <= value + 3e-5  # it searches in float32
 
 
 def test_hundreds_of_questions_work():
     counts = draw_counts(0, 20, 300, 6)
-    found = last(default_search(counts, Objective.S_MINUS, settings=QUICK, n_climbs=4, seed=0))
+    found = last(restart_search(counts, Objective.S_MINUS, settings=QUICK, n_restarts=4, seed=0))
     single = found.subset and Fitness(counts, Objective.S_MINUS)
     flips = np.repeat([np.isin(np.arange(300), found.subset)], 300, axis=0) ^ np.eye(
         300, dtype=bool
@@ -57,14 +57,14 @@ def test_hundreds_of_questions_work():
 def test_small_tables_are_solved(seed, n_questions, objective):
     counts = draw_counts(seed, 6, n_questions)
     exact = last(enumerate_subsets(counts, objective))
-    found = last(default_search(counts, objective, settings=QUICK, n_climbs=40, seed=seed))
+    found = last(restart_search(counts, objective, settings=QUICK, n_restarts=40, seed=seed))
     assert found.best_fitness == pytest.approx(exact.terms.value, abs=1e-5)
 
 
 def test_it_goes_on_from_the_genetic_search():
     counts = draw_counts(1, 20, 40, 6)
     evolved = list(search(counts, Objective.S_PLUS, settings=QUICK, seed=3))
-    reports = list(default_search(counts, Objective.S_PLUS, settings=QUICK, n_climbs=10, seed=3))
+    reports = list(restart_search(counts, Objective.S_PLUS, settings=QUICK, n_restarts=10, seed=3))
     assert [r.subset for r in reports[:7]] == [r.subset for r in evolved]
     assert [r.generation for r in reports] == list(range(10))
     assert {r.total for r in reports} == {9}
@@ -74,7 +74,7 @@ def test_it_goes_on_from_the_genetic_search():
     assert evaluations == sorted(evaluations)
     fitness = Fitness(counts, Objective.S_PLUS)
     assert all(r.terms == fitness.terms(r.subset) for r in reports)
-    assert best[-1] > best[6]  # the climbs found more, or this test shows nothing
+    assert best[-1] > best[6]  # the local searches found more, or this test shows nothing
 
 
 def test_a_seed_repeats_and_another_differs():
@@ -82,45 +82,34 @@ def test_a_seed_repeats_and_another_differs():
 
     def run(seed):
         return list(
-            default_search(counts, Objective.S_PLUS, settings=QUICK, n_climbs=12, seed=seed)
+            restart_search(counts, Objective.S_PLUS, settings=QUICK, n_restarts=12, seed=seed)
         )
 
     assert run(5) == run(5)
     assert run(5) != run(6)
 
 
-def test_the_papers_engine_starts_at_random():
-    """Without the single questions: every bit of the first population has chance 1/2."""
-    counts = draw_counts(3, 20, 40, 6)
-    reports = list(search_with(Engine.PAPER, counts, Objective.S_PLUS, settings=QUICK, seed=1))
-    literal = search(counts, Objective.S_PLUS, settings=QUICK, seed=1, singles_first=False)
-    assert reports == list(literal)
-    assert len(reports) == QUICK.generations + 1
-    ours = search_with(Engine.DEFAULT, counts, Objective.S_PLUS, settings=QUICK, seed=1)
-    assert next(ours).total > QUICK.generations
-
-
 def test_wrong_numbers_are_refused_at_once():
     counts = draw_counts(0)
-    with pytest.raises(ValueError, match="n_climbs must be 0 or more, got -1"):
-        default_search(counts, Objective.S_PLUS, n_climbs=-1, seed=0)
+    with pytest.raises(ValueError, match="n_restarts must be 0 or more, got -1"):
+        restart_search(counts, Objective.S_PLUS, n_restarts=-1, seed=0)
     with pytest.raises(ValueError, match="seed must be 0 or more"):
-        default_search(counts, Objective.S_PLUS, seed=-1)
+        restart_search(counts, Objective.S_PLUS, seed=-1)
 
 
-def test_a_climb_ends_where_a_gain_drowns_in_rounding():
+def test_a_local_search_ends_where_a_gain_drowns_in_rounding():
     """Beside a huge value a step of no gain looks like one; the weights' own limit is below."""
     counts, huge = draw_counts(0, 6, 40), ObjectiveWeights(alpha=1_000_000)
     object.__setattr__(huge, "alpha", 2e12)
-    steps = Climber(counts, Objective.S_PRIME_MINUS, huge).steps(np.zeros(40, dtype=np.uint8))
+    steps = LocalSearch(counts, Objective.S_PRIME_MINUS, huge).steps(np.zeros(40, dtype=np.uint8))
     assert len(list(islice(steps, 500))) < 500
 
 
-def test_a_large_table_gets_the_work_of_so_many_climbs():
+def test_a_large_table_gets_the_work_of_so_many_restarts():
     """All objectives report equally often, and a report never takes more than some steps."""
     counts = draw_counts(4, 200, 120, 6)
     runs = {
-        objective: list(default_search(counts, objective, settings=QUICK, n_climbs=10, seed=0))
+        objective: list(restart_search(counts, objective, settings=QUICK, n_restarts=10, seed=0))
         for objective in (Objective.S_PLUS, Objective.S_PRIME_MINUS)
     }
     assert len({len(reports) for reports in runs.values()}) == 1
@@ -132,5 +121,5 @@ def test_a_large_table_gets_the_work_of_so_many_climbs():
         assert best[-1] > best[QUICK.generations]
         evaluations = np.diff([r.n_evaluations for r in reports[QUICK.generations :]])
         assert evaluations.max() <= 4 * (120 + 2016)
-        again = default_search(counts, objective, settings=QUICK, n_climbs=10, seed=0)
+        again = restart_search(counts, objective, settings=QUICK, n_restarts=10, seed=0)
         assert reports == list(again)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Generator
 from typing import Generic, TypeVar
 
-__all__ = ["Asker", "Work", "most_seconds"]
+__all__ = ["BackgroundTask", "StopPoll", "time_limit"]
 
 _POLL_SECONDS = 0.1
 
@@ -19,12 +19,12 @@ _MOST_SECONDS = 60.0
 News = TypeVar("News")
 
 
-def most_seconds(n_images: int, n_questions: int) -> float:
+def time_limit(n_images: int, n_questions: int) -> float:
     """How long a solver may work on a table besides its own limits; infinite for a small one."""
     return math.inf if n_images * n_questions <= _FEW_CELLS else _MOST_SECONDS
 
 
-class Asker:
+class StopPoll:
     """Asks for a stop by the clock, some ten times a second, however often it is called.
 
     So a loop may call it at every turn. What was told once is not asked again.
@@ -45,7 +45,7 @@ class Asker:
         return self._told
 
 
-class Work(Generic[News]):
+class BackgroundTask(Generic[News]):
     """Iterates over what `task` puts; ends when the task ends, or soon after a stop.
 
     The solver must let other threads run, as compiled ones do. Leaving the loop early, by a stop
@@ -64,7 +64,7 @@ class Work(Generic[News]):
         stop: Callable[[], bool],
         interrupt: Callable[[], None] | None = None,
     ) -> None:
-        self._task, self._stop, self._interrupt = task, Asker(stop), interrupt
+        self._task, self._stop, self._interrupt = task, StopPoll(stop), interrupt
         self._news: queue.SimpleQueue[tuple[News] | None] = queue.SimpleQueue()
         self._error: BaseException | None = None
         self.stopped = False

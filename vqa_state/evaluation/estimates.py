@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Estimate", "estimate", "known_mean", "optimism_warning", "share_interval"]
+from vqa_state.evaluation.intervals import clopper_pearson
 
-_CONFIDENCE = 0.95
+__all__ = ["Estimate", "estimate", "known_mean", "optimism_warning"]
+
 _EXACT = 1e-9
 
 Floats = NDArray[np.float64]
@@ -40,10 +41,10 @@ def estimate(recognized: Floats, labels: NDArray[np.int8], groups: NDArray[np.in
     """Put the images' scores together.
 
     Args:
-        recognized: share of the bags lacking the image that recognize it, (n_images,) in [0, 1];
-            NaN for an image that no bag lacks.
+        recognized: share of the resamples lacking the image that recognize it, (n_images,) in [0,
+            1]; NaN for an image that no resample lacks.
         labels: +1 or -1, (n_images,).
-        groups: look-alikes have one number and count as one independent image, (n_images,).
+        groups: near-duplicates have one number and count as one independent image, (n_images,).
     """
     known = ~np.isnan(recognized)
     if not known.any():
@@ -53,10 +54,11 @@ def estimate(recognized: Floats, labels: NDArray[np.int8], groups: NDArray[np.in
     )
     share = float(recognized[known].mean())
     n_units = np.unique(groups[known]).size
-    # The spread of the images' scores is too small: bags share most of their images. So is
+    # The spread of the images' scores is too small: resamples share most of their images. So is
     # an interval made from it, which holds the truth in 74 of 100 synthetic tasks.
     spread = math.sqrt(share * (1 - share) / n_units)
-    return Estimate(share, positive, negative, spread, *share_interval(share, n_units))
+    interval = clopper_pearson(share * n_units, n_units)
+    return Estimate(share, positive, negative, spread, interval.low, interval.high)
 
 
 def optimism_warning(train_share: float, estimate: Estimate, n_images: int) -> str | None:
@@ -78,24 +80,6 @@ def optimism_warning(train_share: float, estimate: Estimate, n_images: int) -> s
         f"{estimate.low * n_images:.1f} to {estimate.high * n_images:.1f}): expect the lower "
         "number on new images, and label more of them."
     )
-
-
-def share_interval(share: float, n_images: float) -> tuple[float, float]:
-    """The 95 % interval of a share as wide as an exact one of so many independent images.
-
-    Clopper-Pearson, whose beta quantiles also take numbers that are not whole.
-
-    Args:
-        share: in [0, 1].
-        n_images: above 0; need not be whole.
-    """
-    from scipy.special import betaincinv
-
-    successes, tail = share * n_images, (1 - _CONFIDENCE) / 2
-    failures = n_images - successes
-    low = betaincinv(successes, failures + 1, tail) if successes > 0 else 0.0
-    high = betaincinv(successes + 1, failures, 1 - tail) if failures > 0 else 1.0
-    return float(low), float(high)
 
 
 def known_mean(values: Floats) -> Floats:
