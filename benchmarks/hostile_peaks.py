@@ -113,7 +113,7 @@ def packed_bmp() -> bytes:
 
 def bmp() -> bytes:
     """The largest BMP of a byte a pixel."""
-    return _saved(Image.new("P", (_side(Kind.BMP),) * 2), "BMP")
+    return _saved(Image.new("L", (_side(Kind.BMP),) * 2).convert("P"), "BMP")
 
 
 def heif(mode: str, kind: Kind, chroma: int) -> bytes:
