@@ -7,6 +7,7 @@ recognizers/ and thumbnails/. No path is made of a user's text.
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from typing import Final
 
@@ -15,10 +16,11 @@ from pydantic import ValidationError
 from vqa_state.errors import ImageError, ProjectError
 from vqa_state.images.augmentation import Augmentation
 from vqa_state.images.near_duplicates import look_alikes, perceptual_hash
+from vqa_state.images.picture_input import PictureInput, picture_bytes
 from vqa_state.images.reading import content_hash, pixel_hash, read_picture, thumbnail
 from vqa_state.project.schema import SCHEMA_VERSION, LabelledImage, ProjectFile, parse_project
 from vqa_state.project.split import Split, astride, divide
-from vqa_state.questions.grid import Question, QuestionGrid, clean_text
+from vqa_state.questions.grid import Question, QuestionGrid, Wording, clean_text, phrases_for
 from vqa_state.questions.states import StateNames
 from vqa_state.search.default import Engine
 from vqa_state.search.genetic import SearchSettings
@@ -43,6 +45,12 @@ class Added:
 @dataclass
 class Project:
     """A folder with images, labels, questions and settings. Changes last only after `save()`.
+
+        project = Project.create("fridge", "refrigerator", ("open", "closed"))
+        project.add_wordings("refrigerator", "refrigerator door")
+        project.add("photo.jpg", label="open")
+        project.assign_splits()
+        project.save()
 
     Everything but the fields themselves is frozen, so a long task can work on what it took at
     its start.
@@ -78,13 +86,26 @@ class Project:
 
     @classmethod
     def create(
-        cls, folder: Path, name: str, states: StateNames, *, grid: QuestionGrid | None = None
+        cls,
+        folder: str | PathLike[str],
+        name: str,
+        states: StateNames | tuple[str, str],
+        *,
+        grid: QuestionGrid | None = None,
     ) -> "Project":
         """Make a new project in a folder that holds none.
+
+        Args:
+            folder: is made if it does not exist.
+            name: what the thing is called.
+            states: names of the positive and the negative state.
+            grid: of questions; without it there is none until `add_wordings`.
 
         Raises:
             ProjectError: if the folder holds a project already or cannot be written.
         """
+        folder = Path(folder)
+        states = states if isinstance(states, StateNames) else StateNames(*states)
         if (folder / _FILE).exists():
             raise ProjectError(f"{folder} holds a project already; open it or name another folder")
         project = cls(folder, clean_text(name, "the project's name"), states)
@@ -93,12 +114,13 @@ class Project:
         return project
 
     @classmethod
-    def open(cls, folder: Path) -> "Project":
+    def open(cls, folder: str | PathLike[str]) -> "Project":
         """Read a project.
 
         Raises:
             ProjectError: if there is none, or it is damaged or newer than this program.
         """
+        folder = Path(folder)
         path = folder / _FILE
         try:
             data = path.read_bytes()
@@ -167,17 +189,55 @@ class Project:
             )
         return questions
 
-    def add(self, data: bytes, name: str, label: int | None = None) -> Added:
+    def add_wordings(self, *wordings: str) -> None:
+        """Ask about the thing by these names, too: each gives a question for every form and phrase.
+
+        Args:
+            wordings: nouns such as "refrigerator door", or "water | from {article} faucet".
+
+        Raises:
+            QuestionError: if one cannot be used, or there would be too many questions.
+        """
+        added = tuple(Wording.parse(wording) for wording in wordings)
+        states = phrases_for(self.states.positive, self.states.negative)
+        self.grid = replace(
+            self.grid,
+            wordings=tuple(dict.fromkeys((*self.grid.wordings, *added))),
+            phrases=self.grid.phrases or states,
+        )
+
+    def add_questions(self, *questions: Question) -> None:
+        """Ask these questions beside those of the grid.
+
+        Raises:
+            QuestionError: if there would be too many questions.
+        """
+        own = tuple(dict.fromkeys((*self.grid.custom, *questions)))
+        self.grid = replace(self.grid, custom=own)
+
+    def add(
+        self, picture: PictureInput, name: str = "", label: int | str | None = None
+    ) -> Added:
         """Keep a picture's bytes under their SHA-256.
 
         Bytes that the project has already are the same image; it keeps the label that it has, and
         a file that is gone or damaged is written again.
 
+        Args:
+            picture: a path, a file's content, a Pillow image, or an array of uint8 RGB values,
+                shape (height, width, 3); the last two are kept as PNG.
+            name: shown to people; without one, the file's.
+            label: +1 or -1, the name of a state, or None for none.
+
         Raises:
             ImageError: if the picture cannot be read, has the other label already, or the project
                 is full.
-            ProjectError: if it cannot be written.
+            ProjectError: if it cannot be written, or no state has the label's name.
         """
+        data = picture_bytes(picture)
+        label = self._label_named(label) if isinstance(label, str) else label
+        if not name and isinstance(picture, str | PathLike):
+            name = Path(picture).name
         image_id = content_hash(data)
         if image_id in self.images:
             self._restore(self.images[image_id], data)
@@ -198,6 +258,15 @@ class Project:
         self.images[image_id] = image
         self.set_labels([image_id], label)
         return Added(self.images[image_id], is_new=True)
+
+    def _label_named(self, state: str) -> int:
+        label = self.states.label(state)
+        if label is None:
+            raise ProjectError(
+                f"{state!r} is no state of this project; label a picture {self.states.positive!r} "
+                f"or {self.states.negative!r}"
+            )
+        return label
 
     def _label_again(self, image: LabelledImage, label: int | None) -> None:
         """The same bytes under two labels are a mistake that only the user can mend."""
