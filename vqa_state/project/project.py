@@ -215,9 +215,7 @@ class Project:
         own = tuple(dict.fromkeys((*self.grid.custom, *questions)))
         self.grid = replace(self.grid, custom=own)
 
-    def add(
-        self, picture: PictureInput, name: str = "", label: int | str | None = None
-    ) -> Added:
+    def add(self, picture: PictureInput, name: str = "", label: int | str | None = None) -> Added:
         """Keep a picture's bytes under their SHA-256.
 
         Bytes that the project has already are the same image; it keeps the label that it has, and
@@ -235,7 +233,7 @@ class Project:
             ProjectError: if it cannot be written, or no state has the label's name.
         """
         data = picture_bytes(picture)
-        label = self._label_named(label) if isinstance(label, str) else label
+        label = self.states.named(label) if isinstance(label, str) else label
         if not name and isinstance(picture, str | PathLike):
             name = Path(picture).name
         image_id = content_hash(data)
@@ -245,28 +243,19 @@ class Project:
             return Added(self.images[image_id], is_new=False)
         if len(self.images) >= MAX_IMAGES:
             raise ImageError(f"the project has {MAX_IMAGES:,} images, the most that it can hold")
-        picture = read_picture(data)
+        decoded = read_picture(data)
         image = LabelledImage(
             id=image_id,
-            pixel_hash=pixel_hash(picture.pixels),
-            looks=perceptual_hash(picture.pixels),
-            suffix=picture.suffix,  # type: ignore[arg-type]  # read_picture gives these five
+            pixel_hash=pixel_hash(decoded.pixels),
+            looks=perceptual_hash(decoded.pixels),
+            suffix=decoded.suffix,  # type: ignore[arg-type]  # read_picture gives these five
             name=_shown(name),
         )
         write_atomically(self.image_path(image), data)
-        write_atomically(self._thumbnail_path(image), thumbnail(picture.pixels))
+        write_atomically(self._thumbnail_path(image), thumbnail(decoded.pixels))
         self.images[image_id] = image
         self.set_labels([image_id], label)
         return Added(self.images[image_id], is_new=True)
-
-    def _label_named(self, state: str) -> int:
-        label = self.states.label(state)
-        if label is None:
-            raise ProjectError(
-                f"{state!r} is no state of this project; label a picture {self.states.positive!r} "
-                f"or {self.states.negative!r}"
-            )
-        return label
 
     def _label_again(self, image: LabelledImage, label: int | None) -> None:
         """The same bytes under two labels are a mistake that only the user can mend."""
