@@ -11,7 +11,7 @@ from pathlib import Path
 
 from vqa_state.answers.rates import Counts, count
 from vqa_state.answers.table import AnswerTable
-from vqa_state.errors import NothingToSearchError, ProjectError
+from vqa_state.errors import NothingToSearchError, ProjectError, require_package
 from vqa_state.evaluation.held_out import Candidate, Interval, Row, evaluate
 from vqa_state.project.project import Project
 from vqa_state.project.searches import (
@@ -120,8 +120,11 @@ def optimize(
 
     Raises:
         NothingToSearchError: if no training image of one of the states has all its answers.
+        MissingExtraError: if the packages of the extra `search` are not installed.
         ProjectError: if there is no question, or the files cannot be written.
     """
+    if prove and project.engine is Engine.DEFAULT:  # the solver is needed last, after minutes
+        require_package("ortools", "optimizing with the engine 'default'")
     train, _ = _tables(project)
     counts = count(_complete(train))
     curves: dict[Objective, list[tuple[float, float]]] = {objective: [] for objective in Objective}
