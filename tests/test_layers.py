@@ -23,8 +23,8 @@ PICTURE = """
     study                the workflows on one open project
     report               what people read and print
     reproduction         the paper's experiments again
-    cli                  the command line
     web                  the app
+    cli                  the command line, which can open the app
     __main__             python -m vqa_state
     testing              for tests of models
     embedded_training    what made the embedded model; nothing imports it

@@ -10,6 +10,7 @@ VQAStateError
 │   ├── UnknownModelError  no model has that name
 │   ├── NotApprovedError   the user has not yet said yes to this model on this machine
 │   └── MissingPackageError  the model needs a package that is not installed
+├── MissingExtraError      a part of the program was left out when it was installed
 ├── NothingToSearchError   the project has too little to choose questions from
 │   └── MissingAnswersError  images lack answers, and nobody said that the others are enough
 └── RecognizerError        a recognizer file is damaged, newer than this program, for another model
@@ -17,6 +18,38 @@ VQAStateError
 A message names what was given, what is allowed and what to do next; the app and the command
 line show it as it is.
 """
+
+from importlib.util import find_spec
+from typing import Final
+
+__all__ = [
+    "EXTRAS",
+    "ImageError",
+    "MissingExtraError",
+    "MissingPackageError",
+    "ModelError",
+    "NotApprovedError",
+    "NothingToSearchError",
+    "ProjectError",
+    "QuestionError",
+    "RecognizerError",
+    "StoreError",
+    "UnknownModelError",
+    "VQAStateError",
+    "require_package",
+]
+
+EXTRAS: Final = {
+    "deap": "search",
+    "fastapi": "app",
+    "gradio": "app",
+    "ortools": "search",
+    "starlette": "app",
+    "tokenizers": "local",
+    "transformers": "local",
+    "uvicorn": "app",
+}
+"""Packages that a plain installation lacks, and the extra of pyproject.toml that brings each."""
 
 
 class VQAStateError(Exception):
@@ -81,7 +114,17 @@ class MissingPackageError(ModelError):
     def __init__(self, model: str, package: str) -> None:
         super().__init__(
             f"the model {model!r} needs the package {package!r}, which is not installed; "
-            f"install it with: pip install {package}"
+            f"install it with: {_command(package)}"
+        )
+
+
+class MissingExtraError(VQAStateError):
+    """A part of the program was left out when it was installed."""
+
+    def __init__(self, what: str, package: str) -> None:
+        super().__init__(
+            f"{what} needs the package {package!r}, which is not installed; install it with: "
+            f"{_command(package)}"
         )
 
 
@@ -95,3 +138,18 @@ class MissingAnswersError(NothingToSearchError):
 
 class RecognizerError(VQAStateError):
     """A recognizer file is damaged, newer than this program or for another model."""
+
+
+def require_package(package: str, what: str) -> None:
+    """Do nothing if a package of an extra is installed; it is not imported.
+
+    Raises:
+        MissingExtraError: if it is not; the message says how to install it for `what`.
+    """
+    if find_spec(package) is None:
+        raise MissingExtraError(what, package)
+
+
+def _command(package: str) -> str:
+    extra = EXTRAS.get(package)
+    return f"pip install {package}" if extra is None else f"pip install 'vqa-state[{extra}]'"

@@ -7,12 +7,12 @@ command was typed wrong; 3 it ended early, an answer is missing or a verdict is 
 import io
 import sys
 
-from vqa_state.cli import choosing, making, reproducing, running, using
+from vqa_state.cli import choosing, making, opening, reproducing, running, using
 from vqa_state.cli.options import app
 from vqa_state.cli.terminal import say
-from vqa_state.errors import MissingAnswersError, VQAStateError
+from vqa_state.errors import EXTRAS, MissingAnswersError, MissingExtraError, VQAStateError
 
-__all__ = ["app", "choosing", "main", "making", "reproducing", "running", "using"]
+__all__ = ["app", "choosing", "main", "making", "opening", "reproducing", "running", "using"]
 
 
 def main() -> None:
@@ -25,3 +25,9 @@ def main() -> None:
     except VQAStateError as error:
         say(f"error: {error}")
         sys.exit(3 if isinstance(error, MissingAnswersError) else 1)
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in EXTRAS:
+            raise  # our own mistake
+        say(f"error: {MissingExtraError('this command', package)}")
+        sys.exit(1)

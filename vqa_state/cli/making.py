@@ -10,7 +10,7 @@ from vqa_state.cli.added import report_record, unlabelled_lines
 from vqa_state.cli.options import Folder, Json, app, found_results, tell
 from vqa_state.cli.picking import chosen_images, given_path
 from vqa_state.cli.terminal import interruptible, say, show_asking
-from vqa_state.errors import ImageError, ProjectError
+from vqa_state.errors import ImageError
 from vqa_state.project.importing import ImportReport, Refused, add_folder, in_turn, still_unlabelled
 from vqa_state.project.project import LabelledImage, Project, StateNames
 from vqa_state.project.split import Split
@@ -63,7 +63,7 @@ def add(
     work on the project meanwhile, and a stop keeps what was added.
     """
     project = Project.open(folder)
-    label = None if state is None else _label(project, state)
+    label = None if state is None else project.states.named(state)
     done = [_add(project, path, label) for path in paths]
     whole = ImportReport(
         tuple(i for one in done for i in one.added),
@@ -124,7 +124,7 @@ def label(
         if not chosen and (state is not None or split is not None):
             raise typer.BadParameter("--state and --split need the names or ids of images")
         if state is not None:
-            project.set_labels(chosen, None if state == "none" else _label(project, state))
+            project.set_labels(chosen, None if state == "none" else project.states.named(state))
         if split is not None:
             project.set_splits(chosen, split)
         project.assign_splits(train_share=divide or 0.5, afresh=divide is not None)
@@ -251,16 +251,6 @@ def _add(project: Project, path: Path, label: int | None) -> ImportReport:
         return add_folder(project, path, label, opened=lambda: in_turn(project))
     except ImageError as error:
         return ImportReport((), (), (Refused(str(path), str(error)),))
-
-
-def _label(project: Project, state: str) -> int:
-    found = project.states.label(state)
-    if found is None:
-        raise ProjectError(
-            f"{state!r} is no state of this project; its states are "
-            f"{project.states.positive!r} and {project.states.negative!r}"
-        )
-    return found
 
 
 def _record(project: Project, image: LabelledImage) -> dict[str, str | None]:

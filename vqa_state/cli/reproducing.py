@@ -11,6 +11,7 @@ from vqa_state import models
 from vqa_state.cli.options import app
 from vqa_state.cli.picking import given_path
 from vqa_state.cli.terminal import interruptible, print_table, say
+from vqa_state.errors import ProjectError
 from vqa_state.reproduction.page import write_report
 from vqa_state.reproduction.paper import EXPERIMENTS
 from vqa_state.reproduction.running import Finished, Step, copy_projects, run
@@ -19,7 +20,7 @@ from vqa_state.study.collect import AskProgress
 
 __all__ = ["reproduce"]
 
-#: The sample projects, beside the package in a clone.
+#: The sample projects, beside the package in a clone; an installed package comes without them.
 _SAMPLES = Path(__file__).parents[2] / "projects"
 
 
@@ -40,6 +41,11 @@ def reproduce(
 
     The projects are copied to DIR first. Run it again, and it goes on where it was.
     """
+    if projects == _SAMPLES and not projects.is_dir():
+        raise ProjectError(
+            "the eleven sample projects are not part of an installed package; clone the "
+            "repository, and name its folder of samples with --projects DIR"
+        )
     folders = copy_projects(projects, out, EXPERIMENTS)
     vqa_model = models.create(models.choose(model))
     finished = []

@@ -1,25 +1,15 @@
 """What the command line shows: progress on stderr, tables or one JSON document on stdout."""
 
 import json
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from types import FrameType
 from typing import Any
 
 import pandas as pd
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import TimeRemainingColumn
 from rich.table import Table
 
 from vqa_state.models.hub.snapshots import DownloadProgress
@@ -28,7 +18,10 @@ from vqa_state.recognizer.verdict import Verdict
 from vqa_state.study.assess import Assessment, AssessProgress
 from vqa_state.study.collect import AskPlan, AskProgress
 from vqa_state.study.optimize import OptimizeProgress
+from vqa_state.study.progress_bar import Position, progress_bar
+from vqa_state.study.run import on_interrupt
 from vqa_state.study.vision_check import CheckProgress, ModelCheck
+from vqa_state.study.workflows import asking_position, assessing_position, optimizing_position
 
 __all__ = [
     "asked_sentence",
@@ -72,81 +65,58 @@ def interruptible() -> Iterator[Callable[[], bool]]:
     """A stop flag that the first Ctrl-C sets; a second one ends the program at once."""
     asked = False
 
-    def stop(_: int, __: FrameType | None) -> None:
+    def stop() -> None:
         nonlocal asked
         asked = True
         say("stopping; what came is kept (Ctrl-C again to end at once)")
-        signal.signal(signal.SIGINT, previous)
 
-    previous = signal.signal(signal.SIGINT, stop)
-    try:
+    with on_interrupt(stop):
         yield lambda: asked
-    finally:
-        signal.signal(signal.SIGINT, previous)
 
 
 def show_asking(reports: Iterator[AskProgress]) -> AskProgress:
     """Draw the reports and give back the last one."""
-    with _bar("asking", TimeElapsedColumn()) as bar:
-        task = bar.add_task("asking", note="")
+    with progress_bar("asking") as move:
         for last in reports:
-            note = f"{last.n_stored:,} from the store" if last.n_stored else ""
-            note += f" · {last.n_failed:,} failed" if last.n_failed else ""
-            note += f" · {last.n_cut_off:,} cut off" if last.n_cut_off else ""
-            if last.seconds_left is not None:  # by calls paid for, not by those from the store
-                note += f" · about {last.seconds_left:.0f} s left"
-            done = last.n_calls - last.n_left
-            bar.update(task, total=last.n_calls, completed=done, note=note)
+            move(asking_position(last))
     return last
 
 
 def show_download(reports: Iterator[DownloadProgress]) -> DownloadProgress:
     """Draw the reports and give back the last one."""
     last = DownloadProgress()
-    with _bar("downloading (MB)", TimeElapsedColumn()) as bar:
-        task = bar.add_task("downloading", note="")
+    with progress_bar("downloading (MB)") as move:
         for last in reports:
             left = last.seconds_left
             note = "" if left is None else f"about {left:.0f} s left"
-            total, done = last.total // 1_000_000, last.n_bytes // 1_000_000
-            bar.update(task, total=total, completed=done, note=note)
+            move(Position(last.n_bytes // 1_000_000, last.total // 1_000_000, note))
     return last
 
 
 def show_check(reports: Iterator[CheckProgress]) -> ModelCheck | None:
     """Draw the reports and give back what was found; None after a stop."""
     found = None
-    with _bar("checking (calls)", TimeElapsedColumn()) as bar:
-        task = bar.add_task("checking", note="")
+    with progress_bar("checking (calls)") as move:
         for last in reports:
-            bar.update(task, total=last.n_total, completed=last.n_done)
+            move(Position(last.n_done, last.n_total))
             found = last.result
     return found
 
 
 def show_search(reports: Iterator[OptimizeProgress]) -> OptimizeProgress:
     """Draw the reports and give back the last one."""
-    with _bar("searching", TimeElapsedColumn(), TimeRemainingColumn()) as bar:
-        task = bar.add_task("searching", note="")
+    with progress_bar("searching", TimeRemainingColumn()) as move:
         for last in reports:
-            terms = [
-                f"{objective.value} {one.terms.n_recognized}/{one.terms.n_images}"
-                for objective, one in last.reports.items()
-            ]
-            if last.proving:
-                terms = [f"{o.value} {proof.sentence}" for o, proof in last.proofs.items()]
-            note = " · ".join(terms)
-            bar.update(task, total=last.total, completed=last.generation, note=note)
+            move(optimizing_position(last))
     return last
 
 
 def show_assessing(reports: Iterator[AssessProgress]) -> Assessment | None:
     """Draw the reports and give back what was found; None if nothing was."""
     found = None
-    with _bar("assessing", TimeElapsedColumn()) as bar:
-        task = bar.add_task("assessing", note="")
+    with progress_bar("assessing") as move:
         for last in reports:
-            bar.update(task, total=last.n_total, completed=last.n_done, note=last.stage.value)
+            move(assessing_position(last))
             found = last.assessment
     return found
 
@@ -174,18 +144,6 @@ def verdict_record(verdict: Verdict) -> dict[str, Any]:
     record = asdict(verdict) | {"n_cut_off": verdict.n_cut_off}
     del record["votes"]
     return record
-
-
-def _bar(what: str, *times: ProgressColumn) -> Progress:
-    return Progress(
-        TextColumn(what),
-        BarColumn(),
-        MofNCompleteColumn(),
-        *times,
-        TextColumn("{task.fields[note]}"),
-        console=Console(stderr=True),
-        disable=not sys.stderr.isatty(),
-    )
 
 
 def _plain(value: object) -> object:

@@ -8,6 +8,7 @@ from vqa_state.models._base import Failure, Interruptible, Reply, VQAModel
 from vqa_state.models.address import ModelAddress
 from vqa_state.models.approval import approve, check_approved, from_anywhere
 from vqa_state.models.import_faults import import_fault
+from vqa_state.models.plugins import make_plugin, plugin_names
 
 __all__ = [
     "Factory",
@@ -17,6 +18,7 @@ __all__ = [
     "VQAModel",
     "choose",
     "create",
+    "load_model",
     "names",
     "register",
 ]
@@ -31,14 +33,14 @@ def register(name: str, factory: Factory) -> None:
         ValueError: if the name is taken; silently replacing a model would change results without
             a trace.
     """
-    if name in _factories:
+    if name in names():
         raise ValueError(f"a model is already registered as {name!r}")
     _factories[name] = factory
 
 
 def names() -> list[str]:
-    """Registered names, in order of registration."""
-    return list(_factories)
+    """Registered names in order of registration, then those of installed packages, sorted."""
+    return list(dict.fromkeys((*_factories, *plugin_names())))
 
 
 def choose(name: str) -> str:
@@ -59,6 +61,27 @@ def choose(name: str) -> str:
     return str(address)
 
 
+def load_model(name: str, *, approve: bool = False) -> VQAModel:
+    """Load a model by name or address, ready to answer.
+
+        model = load_model("embedded")
+        model = load_model("hub:Salesforce/blip-vqa-base", approve=True)
+
+    Args:
+        name: "embedded", a registered name, one of an installed package (`models.plugins`), or an
+            address: hub:OWNER/NAME, folder:/path/to/model, server:http://host:port/v1#MODEL.
+        approve: say yes to a model from outside this package, once for this machine. Leave it out
+            for a name that a file gives.
+
+    Raises:
+        UnknownModelError: if there is no such name.
+        NotApprovedError: if nobody said yes to this model on this machine.
+        MissingPackageError: if a package that it needs is not installed.
+        ModelError: if it is not on this disk, its weights are damaged, or its package is broken.
+    """
+    return create(choose(name) if approve else name)
+
+
 def create(name: str) -> VQAModel:
     """Load the model called `name`: a registered name, or an address (`models.address`).
 
@@ -74,6 +97,8 @@ def create(name: str) -> VQAModel:
         from vqa_state.models.opening import open_model
 
         return open_model(address)
+    if name in plugin_names():
+        return make_plugin(name, is_taken=name in _factories)
     try:
         return _factories[name]()
     except ImportError as error:
@@ -85,7 +110,7 @@ def create(name: str) -> VQAModel:
 
 def _parsed(name: str) -> ModelAddress | None:
     """The address, or None for a registered name."""
-    if name in _factories:
+    if name in names():
         return None
     if ":" not in name:
         raise UnknownModelError(name, names())

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, version
 from traceback import walk_tb
 
 from vqa_state.errors import MissingPackageError, ModelError
@@ -94,6 +93,8 @@ def _fitting() -> str:
 
 
 def _installed(package: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version  # a twentieth of a second
+
     try:
         return version(package)
     except PackageNotFoundError:

@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,7 @@ from vqa_state.errors import ConflictError, ImageError, ProjectError
 from vqa_state.images import content_hash, perceptual_hash, pixel_hash, reading, thumbnail
 from vqa_state.images.augmentation import Augmentation
 from vqa_state.images.near_duplicates import look_alikes
+from vqa_state.images.picture_input import PictureInput, picture_bytes
 from vqa_state.project.leftovers import Journal, has_leftovers, remove_leftovers, remove_pictures
 from vqa_state.project.merging import merge
 from vqa_state.project.schema import (
@@ -26,7 +28,7 @@ from vqa_state.project.schema import (
     parse_project,
 )
 from vqa_state.project.split import Split, astride, divide
-from vqa_state.questions.grid import Question, QuestionGrid, clean_text
+from vqa_state.questions.grid import Question, QuestionGrid, Wording, clean_text, phrases_for
 from vqa_state.questions.states import StateNames
 from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
@@ -51,6 +53,12 @@ class Added:
 @dataclass
 class Project:
     """A folder with images, labels, questions and settings. Changes last only after `save()`.
+
+        project = Project.create("fridge", "refrigerator", ("open", "closed"))
+        project.add_wordings("refrigerator", "refrigerator door")
+        project.add("photo.jpg", label="open")
+        project.assign_splits()
+        project.save()
 
     Other programs may change the folder meanwhile: `save()` keeps what they saved. Everything but
     the fields themselves is frozen, so a long task can work on what it took at its start.
@@ -97,18 +105,27 @@ class Project:
     @classmethod
     def create(
         cls,
-        folder: Path,
+        folder: str | PathLike[str],
         name: str,
-        states: StateNames,
+        states: StateNames | tuple[str, str],
         *,
         grid: QuestionGrid | None = None,
         seed: int = 0,
     ) -> "Project":
         """Make a new project in a folder that holds none.
 
+        Args:
+            folder: is made if it does not exist.
+            name: what the thing is called.
+            states: names of the positive and the negative state.
+            grid: of questions; without it there is none until `add_wordings`.
+            seed: of the copies and of the split.
+
         Raises:
             ProjectError: if the folder holds a project already or cannot be written.
         """
+        folder = Path(folder)
+        states = states if isinstance(states, StateNames) else StateNames(*states)
         project = cls(folder, clean_text(name, "the project's name"), states, seed=seed)
         project.grid = grid or project.grid
         with locked(folder):
@@ -121,12 +138,13 @@ class Project:
         return project
 
     @classmethod
-    def open(cls, folder: Path) -> "Project":
+    def open(cls, folder: str | PathLike[str]) -> "Project":
         """Read a project, and remove what a killed program left in it.
 
         Raises:
             ProjectError: if there is none, or it is damaged or newer than this program.
         """
+        folder = Path(folder)
         project = cls._read(folder)
         if has_leftovers(folder, project._file_names()):
             # A program at work looks the same; the next opening removes what is left then.
@@ -234,17 +252,53 @@ class Project:
             )
         return questions
 
-    def add(self, data: bytes, name: str, label: int | None = None) -> Added:
+    def add_wordings(self, *wordings: str) -> None:
+        """Ask about the thing by these names, too: each gives a question for every form and phrase.
+
+        Args:
+            wordings: nouns such as "refrigerator door", or "water | from {article} faucet".
+
+        Raises:
+            QuestionError: if one cannot be used, or there would be too many questions.
+        """
+        added = tuple(Wording.parse(wording) for wording in wordings)
+        states = phrases_for(self.states.positive, self.states.negative)
+        self.grid = replace(
+            self.grid,
+            wordings=tuple(dict.fromkeys((*self.grid.wordings, *added))),
+            phrases=self.grid.phrases or states,
+        )
+
+    def add_questions(self, *questions: Question) -> None:
+        """Ask these questions beside those of the grid.
+
+        Raises:
+            QuestionError: if there would be too many questions.
+        """
+        own = tuple(dict.fromkeys((*self.grid.custom, *questions)))
+        self.grid = replace(self.grid, custom=own)
+
+    def add(self, picture: PictureInput, name: str = "", label: int | str | None = None) -> Added:
         """Keep a picture's bytes under their SHA-256.
 
         Bytes that the project has already are the same image; it keeps the label that it has, and
         a file that is gone or damaged is written again.
 
+        Args:
+            picture: a path, a file's content, a Pillow image, or an array of uint8 RGB values,
+                shape (height, width, 3); the last two are kept as PNG.
+            name: shown to people; without one, the file's.
+            label: +1 or -1, the name of a state, or None for none.
+
         Raises:
             ImageError: if the picture cannot be read, has the other label already, or the project
                 is full.
-            ProjectError: if it cannot be written.
+            ProjectError: if it cannot be written, or no state has the label's name.
         """
+        data = picture_bytes(picture)
+        label = self.states.named(label) if isinstance(label, str) else label
+        if not name and isinstance(picture, str | PathLike):
+            name = Path(picture).name
         image_id = content_hash(data)
         if image_id in self.images:
             self._restore(self.images[image_id], data)
@@ -252,15 +306,15 @@ class Project:
             return Added(self.images[image_id], is_new=False)
         if len(self.images) >= MAX_IMAGES:
             raise ImageError(f"the project has {MAX_IMAGES:,} images, the most that it can hold")
-        with reading(data) as picture:
+        with reading(data) as decoded:
             image = LabelledImage(
                 id=image_id,
-                pixel_hash=pixel_hash(picture.pixels),
-                looks=perceptual_hash(picture.pixels),
-                suffix=picture.suffix,  # type: ignore[arg-type]  # reading gives these six
+                pixel_hash=pixel_hash(decoded.pixels),
+                looks=perceptual_hash(decoded.pixels),
+                suffix=decoded.suffix,  # type: ignore[arg-type]  # reading gives these six
                 name=_shown(name),
             )
-            small = thumbnail(picture.pixels)
+            small = thumbnail(decoded.pixels)
         self._journal.note([_file_name(image)])
         try:
             write_atomically(self.image_path(image), data)

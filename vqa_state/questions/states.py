@@ -47,6 +47,20 @@ class StateNames:
             found = spaced.get(_spaced(name)) if len(spaced) == 2 else None
         return found
 
+    def named(self, name: str) -> int:
+        """+1 or -1 for a state's name in any case.
+
+        Raises:
+            ProjectError: if it is another word.
+        """
+        label = self.label(name)
+        if label is None:
+            raise ProjectError(
+                f"{name!r} is no state of this project; its states are {self.positive!r} and "
+                f"{self.negative!r}"
+            )
+        return label
+
 
 def _folded(name: str) -> str:
     """For comparing: without case, and with accents as one character (macOS writes two)."""

@@ -1,29 +1,17 @@
 """From one picture to all answers that a recognizer needs."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from PIL import Image
 
 from vqa_state.answers.parse import Answer
 from vqa_state.errors import ModelError
-from vqa_state.images import pixel_hash, read_file, read_picture, rgb_pixels
+from vqa_state.images import pixel_hash
 from vqa_state.images.augmentation import Augmentation, late_copies
 from vqa_state.models import Failure, VQAModel
 from vqa_state.recognizer.schema import Copies
 
-__all__ = ["ask_all", "picture_pixels", "shifted"]
-
-
-def picture_pixels(image: str | Path | bytes | Image.Image) -> Image.Image:
-    """A picture as the model is to see it.
-
-    Raises:
-        ImageError: if it cannot be read.
-    """
-    if isinstance(image, Image.Image):
-        return rgb_pixels(image)
-    return read_picture(image if isinstance(image, bytes) else read_file(Path(image))).pixels
+__all__ = ["ask_all", "shifted"]
 
 
 def shifted(pixels: Image.Image, shifts: Copies) -> Sequence[Image.Image]:

@@ -13,17 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from PIL import Image
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from vqa_state import models
 from vqa_state.answers.parse import PARSER_VERSION, Answer
 from vqa_state.answers.table import MISSING
 from vqa_state.errors import RecognizerError
+from vqa_state.images.picture_input import PictureInput, picture_pixels
 from vqa_state.models import VQAModel
 from vqa_state.questions.grid import MAX_QUESTIONS
 from vqa_state.recognizer.counting import Said, Shares, as_arrays, as_verdict, judged_so_far
-from vqa_state.recognizer.inference import ask_all, picture_pixels, shifted
+from vqa_state.recognizer.inference import ask_all, shifted
 from vqa_state.recognizer.schema import (
     Abstain,
     Copies,
@@ -191,7 +191,7 @@ class Recognizer(Record):
 
     def recognize(
         self,
-        image: str | Path | bytes | Image.Image,
+        image: PictureInput,
         model: VQAModel | None = None,
         *,
         stop_early: bool = False,
@@ -199,7 +199,8 @@ class Recognizer(Record):
         """Ask this recognizer's questions about one image and count the votes.
 
         Args:
-            image: a file's path or content, or an opened picture (a webcam frame).
+            image: a path, a file's content, a Pillow image, or a frame as an array of uint8 RGB
+                values, shape (height, width, 3).
             model: to share a loaded model between recognizers; without it, the one that the file
                 names is loaded on first use and kept.
             stop_early: ask copy by copy, and only until the rest cannot change the verdict. The
@@ -325,7 +326,7 @@ class Recognizer(Record):
 
 
 def recognize_all(
-    image: str | Path | bytes | Image.Image,
+    image: PictureInput,
     recognizers: Sequence[Recognizer],
     model: VQAModel | None = None,
 ) -> list[Verdict]:

@@ -5,9 +5,13 @@ wrote one wrote weight 1 and threshold 0.5. In a file of version 2 a search chos
 Version 4 is written only where `incomplete` stands, so all other files stay as they are.
 """
 
+import ast
 import hashlib
+import inspect
 import json
-from typing import Annotated, Any, Final, Literal
+from itertools import pairwise
+from textwrap import dedent
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -16,11 +20,16 @@ from vqa_state.images.augmentation import MAX_COPIES, AugmentationKind
 from vqa_state.models.address import MAX_ADDRESS
 from vqa_state.questions.grid import clean_text
 from vqa_state.questions.states import StateNames
+from vqa_state.search.badge import Badge
 from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.search.objectives import Objective, ObjectiveWeights
-from vqa_state.search.proof import Badge
 from vqa_state.votes.rules import MAX_WEIGHT, VoteKind
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic.json_schema import JsonSchemaValue
+    from pydantic_core import CoreSchema
 
 __all__ = [
     "SCHEMA_VERSION",
@@ -53,8 +62,37 @@ class Record(BaseModel):
         extra="forbid",
         frozen=True,
         allow_inf_nan=False,
-        use_attribute_docstrings=True,  # the schema says what a field means
+        defer_build=True,  # importing a recognizer takes half as long
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: "CoreSchema", handler: "GetJsonSchemaHandler"
+    ) -> "JsonSchemaValue":
+        """The schema with what the docstring under each field says.
+
+        Pydantic's `use_attribute_docstrings` reads every source file whenever this is imported.
+        """
+        schema = handler(core_schema)
+        properties = handler.resolve_ref_schema(schema)["properties"]
+        for name, text in _attribute_docstrings(cls).items():
+            properties[name].setdefault("description", text)
+        return schema
+
+
+def _attribute_docstrings(record: type[Record]) -> dict[str, str]:
+    """The string under each annotated attribute of a class, by the attribute's name."""
+    (tree,) = ast.parse(dedent(inspect.getsource(record))).body
+    assert isinstance(tree, ast.ClassDef)  # noqa: S101  # it is the source of a class
+    return {
+        field.target.id: inspect.cleandoc(below.value.value)
+        for field, below in pairwise(tree.body)
+        if isinstance(field, ast.AnnAssign)
+        and isinstance(field.target, ast.Name)
+        and isinstance(below, ast.Expr)
+        and isinstance(below.value, ast.Constant)
+        and isinstance(below.value.value, str)
+    }
 
 
 def _cleaned(text: str) -> str:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from vqa_state.answers.rates import Counts
 from vqa_state.search.background_task import BackgroundTask, StopPoll
+from vqa_state.search.badge import Badge
 from vqa_state.search.cpsat import CLOSED, best_value
 from vqa_state.search.exact import can_enumerate, enumerate_subsets
 from vqa_state.search.fitness import Fitness, Terms
@@ -46,14 +47,6 @@ class ProofStage(StrEnum):
     SUBSETS = "comparing all subsets"
     IMAGES = "proving the number of images"
     VALUE = "bounding E"
-
-
-class Badge(StrEnum):
-    """What is proved about a subset, in the order of worth."""
-
-    BEST = "proved best"
-    IMAGES = "most images proved"
-    FOUND = "best found"
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,11 +19,37 @@ from vqa_state.recognizer.recognizer import (
     WeightedQuestion,
 )
 from vqa_state.recognizer.schema import CarefulRecord
-from vqa_state.study.assess import Assessment
-from vqa_state.study.build_recognizer import paper_recognizer
+from vqa_state.study.assess import Assessment, assessment
+from vqa_state.study.build_recognizer import paper_recognizer, unchosen_recognizer
+from vqa_state.study.optimize import results
 from vqa_state.votes.rules import Ballots, FittedVote, VoteKind
 
-__all__ = ["recognizer_with"]
+__all__ = ["export", "recognizer_with"]
+
+
+def export(project: Project) -> Recognizer:
+    """The recognizer that the project chose: its objective, vote and coverage, or all questions.
+
+        recognizer = export(project)
+        recognizer.save("fridge.json")
+
+    Args:
+        project: optimized; `chosen`, `vote`, `coverage` and `all_questions` are its choice.
+
+    Raises:
+        NothingToSearchError: if nothing was searched for its present answers and labels, or the
+            choice needs an assessment first.
+    """
+    found = results(project)
+    if found is None:
+        raise NothingToSearchError(
+            f"{project.folder} has no search for its present answers and labels; optimize first"
+        )
+    if project.all_questions:
+        return unchosen_recognizer(project, found)
+    plain = project.vote is VoteKind.PAPER and project.coverage is None
+    assessed = None if plain else assessment(project, found)
+    return recognizer_with(project, found, assessed, project.vote, project.coverage)
 
 
 def recognizer_with(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from vqa_state.answers.rates import Counts, count
 from vqa_state.answers.table import AnswerTable
-from vqa_state.errors import NothingToSearchError, ProjectError
+from vqa_state.errors import NothingToSearchError, ProjectError, require_package
 from vqa_state.evaluation.held_out import evaluate
 from vqa_state.project.project import Project
 from vqa_state.project.searches import (
@@ -22,6 +22,7 @@ from vqa_state.project.searches import (
     table_digest,
 )
 from vqa_state.recognizer.recognizer import IncompleteRecord, ProofRecord
+from vqa_state.search.engines import Engine
 from vqa_state.search.genetic import SearchReport
 from vqa_state.search.objectives import Objective
 from vqa_state.search.proof import ProofReport, prove_all
@@ -115,8 +116,11 @@ def optimize(
         MissingAnswersError: if training images lack answers and `incomplete` is False, or if the
             complete ones do not show both states.
         NothingToSearchError: if there is no training image of one of the states.
+        MissingExtraError: if the packages of the extra `search` are not installed.
         ProjectError: if there is no question, or the files cannot be written.
     """
+    if prove and project.engine is Engine.DEFAULT:  # the solver is needed last, after minutes
+        require_package("ortools", "optimizing with the engine 'default'")
     tables = read_tables(project)
     tables.require_training(incomplete=incomplete)
     counts = count(tables.seen)

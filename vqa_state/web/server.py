@@ -21,7 +21,7 @@ from vqa_state.web.routes import explain, routes
 from vqa_state.web.security import LocalGuard
 from vqa_state.web.session import Desk
 
-__all__ = ["build_api", "build_app", "main"]
+__all__ = ["build_api", "build_app", "main", "serve"]
 
 
 def build_api(desk: Desk) -> FastAPI:
@@ -46,19 +46,34 @@ def build_app(desk: Desk, hosts: Sequence[str] = ()) -> ASGIApp:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Serve until interrupted; the exit status."""
+    """Serve until interrupted, as a command line says; the exit status."""
     options = _options(arguments)
+    return serve(
+        options.projects, host=options.host, port=options.port, browser=not options.no_browser
+    )
+
+
+def serve(projects: Path, *, host: str = "127.0.0.1", port: int = 7860, browser: bool) -> int:
+    """Serve until interrupted; the exit status.
+
+    Args:
+        projects: folder of the projects; it is made if it does not exist.
+        host: address to listen on.
+        port: 0 takes any free one.
+        browser: whether to open one.
+    """
     try:
-        options.projects.mkdir(parents=True, exist_ok=True)
-        listener = _listen(options.host, options.port)
+        projects.mkdir(parents=True, exist_ok=True)
+        listener = _listen(host, port)
     except OSError as error:
-        print(f"The app cannot start: {_reason(options, error)}", file=sys.stderr)
+        print(f"The app cannot start: {_reason(projects, host, port, error)}", file=sys.stderr)
         return 1
-    host = f"[{options.host}]" if ":" in options.host else options.host
-    address = f"http://{host}:{listener.getsockname()[1]}/"
-    app = build_app(Desk(options.projects), [host])
+    shown = f"[{host}]" if ":" in host else host
+    address = f"http://{shown}:{listener.getsockname()[1]}/"
+    app = build_app(Desk(projects), [shown])
     print(f"The app is open at {address} (stop it with Ctrl+C).", flush=True)
-    if not options.no_browser:
+    print(f"Your projects are in {projects.resolve()}.", flush=True)
+    if browser:
         threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()
     uvicorn.Server(uvicorn.Config(app, log_level="warning")).run(sockets=[listener])
     return 0
@@ -96,14 +111,12 @@ def _listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def _reason(options: argparse.Namespace, error: OSError) -> str:
+def _reason(projects: Path, host: str, port: int, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
         return (
-            f"port {options.port} is taken, perhaps by this app in another window; stop that one, "
-            f"or choose another port with --port {options.port + 1}"
+            f"port {port} is taken, perhaps by this app in another window; stop that one, or "
+            f"choose another port with --port {port + 1}"
         )
     if isinstance(error, FileExistsError | NotADirectoryError):
-        return f"{options.projects} is a file, or lies in one; name a folder with --projects DIR"
-    return (
-        f"{error.strerror or error} (host {options.host}, port {options.port}, {options.projects})"
-    )
+        return f"{projects} is a file, or lies in one; name a folder with --projects DIR"
+    return f"{error.strerror or error} (host {host}, port {port}, {projects})"

@@ -4,8 +4,7 @@ import math
 from collections import Counter
 from typing import Any
 
-from PIL import Image
-
+from vqa_state.images.picture_input import PictureInput
 from vqa_state.recognizer.recognizer import Recognizer
 from vqa_state.recognizer.verdict import Verdict
 from vqa_state.search.objectives import Objective
@@ -23,7 +22,7 @@ def of_picture(
     desk: Desk,
     pid: object,
     objective: object,
-    picture: bytes | Image.Image,
+    picture: PictureInput,
     taken: Taken = PLAIN,
 ) -> Any:
     """Recognize a picture with the project's recognizer for this objective, as it was taken.

@@ -6,7 +6,6 @@ from urllib.parse import quote
 
 import gradio as gr
 import numpy as np
-from PIL import Image
 
 from vqa_state.errors import (
     NothingToSearchError,
@@ -190,7 +189,7 @@ def _seen(desk: Desk, pid: str, objective: Any, frame: Any) -> Any:
     """By the choice that this page shows, as its download is."""
     taken = replace(desk.taken(pid), all_questions=objective == ALL)
     chosen = desk.snapshot(pid).chosen.value if taken.all_questions else objective
-    return try_recognizer.of_picture(desk, pid, chosen, Image.fromarray(frame), taken)
+    return try_recognizer.of_picture(desk, pid, chosen, frame, taken)
 
 
 def _shown(desk: Desk, pid: str, chosen: Objective) -> tuple[Any, Any, Any]:
