@@ -67,9 +67,39 @@ def test_the_readme_has_the_two_commands():
     assert "bash tests/run.sh" in README
 
 
-def test_what_twenty_of_twenty_proves():
+@pytest.mark.parametrize("page", ["README.md", "docs/trust.md"])
+def test_what_twenty_of_twenty_proves(page):
     low = binomtest(20, 20).proportion_ci(0.95, "exact").low
-    assert f"at least {low:.0%}".replace("%", " %") in README
+    said = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+    assert f"at least {low:.0%}".replace("%", " %") in said
+
+
+def test_the_readme_is_short():
+    assert len(README.split()) < 700
+
+
+def test_the_readmes_notebook_runs(tmp_path):
+    """Its lines, word for word, on the sample's pictures and the embedded model."""
+    sample = Project.open(ROOT / "projects" / "refrigerator")
+    for image in sample.labelled(Split.TRAIN)[:8]:
+        folder = tmp_path / "photos" / sample.states.of(image.label)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"{image.id}.jpg").write_bytes(sample.read(image))
+    (tmp_path / "photo.jpg").write_bytes(sample.read(sample.labelled(Split.TEST)[0]))
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    (tmp_path / "notebook.py").write_text(code, encoding="utf-8")
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "notebook.py"], cwd=tmp_path, env=env, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "of the valid votes" in done.stdout or "the vote" in done.stdout
+
+
+def test_the_index_names_every_page():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = {f"`docs/{page.name}`" for page in (ROOT / "docs").glob("*.md")} - {"`docs/index.md`"}
+    assert not [page for page in pages if page not in index]
 
 
 def test_the_recognizer_schema_is_the_programs():
