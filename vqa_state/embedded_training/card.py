@@ -202,8 +202,8 @@ def _gain_interval(row: _Row) -> list[float]:
 
 
 def _mean_of_nouns(rows: Sequence[_Row], is_new: bool) -> float:
-    fitting = [row["balanced"] for row in rows if row["is_new"] == is_new]
-    return float(sum(fitting) / max(1, len(fitting)))
+    fitting = [float(row["balanced"]) for row in rows if row["is_new"] == is_new]
+    return sum(fitting) / max(1, len(fitting))
 
 
 def _things_asked_about(rows: Sequence[_Row]) -> list[str]:

@@ -79,8 +79,10 @@ def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]
 
 
 def boxes_end_early(data: bytes) -> bool:
-    """Whether a box ends behind the file."""
-    return any(stop > len(data) for _, _, stop in _boxes(data, 0, len(data)))
+    """Whether the last box ends behind the file, or the box with the pixels did not come."""
+    boxes = list(_boxes(data, 0, len(data)))
+    left = len(data) - boxes[-1][2] if boxes else 0
+    return left < 0 or 0 < left < 8 or (left == 0 and all(name != b"mdat" for name, _, _ in boxes))
 
 
 def _without_notes(data: bytes) -> list[memoryview]:
