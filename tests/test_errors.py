@@ -2,6 +2,8 @@
 
 import inspect
 import re
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -41,6 +43,13 @@ def test_the_known_names_are_sorted():
     )
 
 
+def test_every_extra_is_one_of_the_project():
+    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
+    assert set(errors.EXTRAS.values()) <= set(project["project"]["optional-dependencies"])
+
+
 def test_a_missing_package_comes_with_its_command():
     message = str(MissingPackageError("embedded", "torch"))
     assert message.endswith("install it with: pip install torch")
+    message = str(MissingPackageError("hub:a/b", "transformers"))
+    assert message.endswith("install it with: pip install 'vqa-state[local]'")

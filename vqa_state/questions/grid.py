@@ -108,7 +108,19 @@ class StatePhrase:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A yes/no sentence, what "yes" means, and where it stands on the four axes of the grid."""
+    """A yes/no sentence, what "yes" means, and where it stands on the four axes of the grid.
+
+        Question("Is there a gap at the door's edge?", yes_means=1)
+
+    Attributes:
+        text: at most 300 characters.
+        yes_means: +1 if a yes speaks for the positive state, -1 if for the negative one.
+        form, article, phrase, wording: of the grid; those of your own questions have none.
+
+    Raises:
+        QuestionError: if the text is empty, too long or holds control characters, or `yes_means`
+            is another number.
+    """
 
     text: str
     yes_means: int
