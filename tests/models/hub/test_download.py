@@ -15,7 +15,7 @@ import pytest
 #: Begins a download and says the process id of its child.
 PARENT = textwrap.dedent("""
     import subprocess
-    from vqa_state.models import hub
+    from vqa_state.models.hub import snapshots as hub
     from vqa_state.models.address import ModelAddress
 
     class Said(subprocess.Popen):
