@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ruling import equal_vote, rules, votes
+from ruling import rules, votes
 from votes.test_reject_option import share_of
 
 from vqa_state.answers.table import MISSING
 from vqa_state.recognizer.counting import judged_so_far
 from vqa_state.votes.early_stop import verdict_so_far
 from vqa_state.votes.reject_option import AbstainRule
-from vqa_state.votes.rules import FittedVote, VoteKind
+from vqa_state.votes.rules import FittedVote, VoteKind, equal_vote
 from vqa_state.votes.state import State
 
 NAMES = "ajar", "shut"
