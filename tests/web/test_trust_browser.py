@@ -88,7 +88,7 @@ def test_old_evidence_leaves_the_page(
     open_tab(page, f"{url}/?p={optimized}&tab=results", "#standings")
     page.locator("#look").click()
     expect(page.locator("#standings")).to_contain_text("test, positive")
-    page.locator("#standings").get_by_text("best question").click()
+    page.locator("#standings [data-testid^=cell]").get_by_text("best question").click()
     for side in ("#train-missed", "#test-missed"):
         expect(page.locator(f"{side} .ev-title")).to_contain_text("best question")
     page.get_by_role("button", name="Which questions are good").click()
