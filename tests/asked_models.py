@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.images import pixel_hash
 from vqa_state.models import Reply
 from vqa_state.project.split import Split

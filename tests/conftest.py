@@ -8,7 +8,7 @@ from pictures import picture
 from stub_server import Stub
 
 from vqa_state import cli, models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.images.augmentation import Augmentation
 from vqa_state.project.project import Project, StateNames
 from vqa_state.project.split import Split

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pictures import picture
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.store import AnswerStore
 from vqa_state.errors import VQAStateError
 from vqa_state.project.importing import add_files

@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.images import pixel_hash
 from vqa_state.project.project import Project
 from vqa_state.study.collect import ask

@@ -1,6 +1,6 @@
 """A recognizer of three questions about a door, and a model to answer them."""
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.images.augmentation import AugmentationKind
 from vqa_state.recognizer.recognizer import (
     Copies,

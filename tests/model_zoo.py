@@ -12,7 +12,7 @@ from chat_folders import BUILDERS, lacking
 from stub_server import Stub, good
 from tiny_models import tiny_folder
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import VQAModel
 from vqa_state.models.address import Device, Precision
 from vqa_state.models.embedded.model import EmbeddedModel

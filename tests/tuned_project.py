@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.project.project import Project
 from vqa_state.search.genetic import SearchSettings
 from vqa_state.study.collect import ask

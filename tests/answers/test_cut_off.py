@@ -13,7 +13,7 @@ from stub_server import Result, Stub, completion
 
 from vqa_state import models
 from vqa_state.answers import store
-from vqa_state.answers.parse import CUT_OFF, Answer, Reading
+from vqa_state.answers.answer import CUT_OFF, Answer, Reading
 from vqa_state.answers.store import AnswerStore, CopyKey
 from vqa_state.errors import ModelError, StoreError
 from vqa_state.models import Failure

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.store import AnswerStore, CopyKey, copy_keys
 from vqa_state.errors import StoreError
 from vqa_state.images.augmentation import Augmentation, AugmentationKind

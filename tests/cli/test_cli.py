@@ -10,7 +10,7 @@ from pictures import draw, encode, picture
 from typer.testing import CliRunner
 
 from vqa_state import cli, models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.cli import running
 from vqa_state.models import Failure
 from vqa_state.project.project import Project

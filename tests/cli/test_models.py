@@ -9,7 +9,7 @@ from pictures import picture
 from stub_server import Result, Stub, completion
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import presets
 from vqa_state.models.capability_cache import known_model
 from vqa_state.models.vision_check import N_CALLS, Sight

@@ -11,7 +11,7 @@ import pytest
 from pictures import picture
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.cli import making, running
 from vqa_state.project.project import Project
 from vqa_state.search.genetic import SearchSettings

@@ -8,7 +8,7 @@ import pytest
 from pictures import picture
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.cli.picking import chosen_images
 from vqa_state.errors import ProjectError
 from vqa_state.project.project import Project

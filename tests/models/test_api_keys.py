@@ -9,7 +9,7 @@ import pytest
 from pictures import draw
 from stub_server import Result, Stub, completion
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.models.api_keys import ApiKey, key_for, without_keys
 from vqa_state.models.server.model import CallBudget, ServerModel, list_models

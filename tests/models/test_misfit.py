@@ -112,7 +112,7 @@ def test_another_failed_import_is_told_in_words():
 
 def test_our_own_mistake_stays_one():
     def own():
-        from vqa_state.answers.parse import no_such_thing
+        from vqa_state.answers.answer import no_such_thing
 
         return no_such_thing
 

@@ -11,7 +11,7 @@ from vqa_state.models import plugins
 from vqa_state.testing import check_model
 
 MODEL = """
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.testing import ScriptedModel
 
 def make():

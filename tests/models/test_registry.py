@@ -7,7 +7,7 @@ import pytest
 from pictures import draw
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import MissingPackageError, ModelError, UnknownModelError
 from vqa_state.models import Failure, Reply
 from vqa_state.testing.fake_model import ScriptedModel

@@ -15,7 +15,7 @@ from pictures import draw
 from stub_server import free_port
 
 from benchmarks.model_folders import build_idefics3
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.store import AnswerStore, copy_keys
 from vqa_state.models import Failure
 from vqa_state.models.server.model import CallBudget, ServerModel

@@ -10,7 +10,7 @@ from transformers.models.blip.modeling_blip_text import BlipTextLMHeadModel
 from transformers.models.idefics3.modeling_idefics3 import Idefics3ForConditionalGeneration
 from transformers.models.vilt.modeling_vilt import ViltPooler
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Interruptible
 from vqa_state.models.local.ofa.network import Decoder
 

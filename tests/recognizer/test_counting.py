@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from made_recognizers import QUESTIONS, recognizer, saying
 from pictures import draw
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import RecognizerError
 from vqa_state.images.augmentation import AugmentationKind
 from vqa_state.recognizer.recognizer import (

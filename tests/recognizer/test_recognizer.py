@@ -15,7 +15,7 @@ from pictures import draw, encode
 from PIL import Image
 from pydantic import ValidationError
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ImageError, ModelError, RecognizerError
 from vqa_state.models import Failure
 from vqa_state.recognizer.recognizer import (

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from made_recognizers import recognizer
 from PIL import Image
 
-from vqa_state.answers import reading, thinking
-from vqa_state.answers.parse import Answer, read_answer
+from vqa_state.answers import parse, thinking
+from vqa_state.answers.answer import Answer, read_answer
 from vqa_state.images import pixel_hash
 from vqa_state.images.augmentation import AugmentationKind
 from vqa_state.recognizer.inference import shifted
@@ -208,11 +208,11 @@ def test_the_copies_are_those_of_the_page_and_of_the_program():
 
 
 def test_the_rules_of_reading_are_the_programs():
-    assert {word for word, value in VALUE.items() if value > 0} == reading._YES
-    assert {word for word, value in VALUE.items() if value < 0} == reading._NO
-    assert set(RULES["of a noun"].split()) == reading._OF_A_NOUN
+    assert {word for word, value in VALUE.items() if value > 0} == parse._YES
+    assert {word for word, value in VALUE.items() if value < 0} == parse._NO
+    assert set(RULES["of a noun"].split()) == parse._OF_A_NOUN
     for name in RULES.keys() - {"yes", "no", "of a noun"}:
-        module = thinking if name in ("opens", "closes") else reading
+        module = thinking if name in ("opens", "closes") else parse
         own = getattr(module, f"_{name.replace(' ', '_').upper()}")
         assert RULES[name] == getattr(own, "pattern", own), name
 

@@ -9,7 +9,7 @@ import pytest
 from pictures import picture
 from scipy.stats import binomtest
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.cli import reproducing
 from vqa_state.embedded_training.experiments import questions_about
 from vqa_state.errors import ProjectError

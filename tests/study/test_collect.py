@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from asked_models import N_CALLS, Model, every, finish, tables, telling
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.table import MISSING
 from vqa_state.errors import ModelError
 from vqa_state.images.augmentation import copies

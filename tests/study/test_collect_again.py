@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pictures import picture
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.store import AnswerStore
 from vqa_state.errors import NothingToSearchError, ProjectError, StoreError
 from vqa_state.images.augmentation import Augmentation, AugmentationKind

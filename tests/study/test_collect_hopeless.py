@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Failure, Reply
 from vqa_state.study.collect import ask, plan
 

@@ -17,8 +17,8 @@ from pictures import draw, picture
 from stub_server import Result, Stub, completion, free_port
 
 from vqa_state import models
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.completeness import Completeness, SideAnswers
-from vqa_state.answers.parse import Answer
 from vqa_state.cli import running
 from vqa_state.errors import MissingAnswersError, NothingToSearchError
 from vqa_state.images import read_picture

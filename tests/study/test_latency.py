@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Failure, Reply
 from vqa_state.models.capability_cache import known_model
 from vqa_state.models.vision_check import N_CALLS

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.rates import count
 from vqa_state.errors import NothingToSearchError
 from vqa_state.evaluation.held_out import Baseline

@@ -12,7 +12,7 @@ from pictures import picture
 from study.test_assess import Colours, without_time
 from tuned_project import MODEL, unsure
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.images import pixel_hash, read_picture
 from vqa_state.images.augmentation import copies
 from vqa_state.models import Failure

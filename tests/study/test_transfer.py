@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import RecognizerError
 from vqa_state.project.project import Project
 from vqa_state.recognizer.recognizer import Recognizer, recognize_all

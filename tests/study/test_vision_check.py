@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.models import Failure, Reply, create
 from vqa_state.models.vision_check import N_CALLS, PROBES, Sight

@@ -3,7 +3,7 @@
 import pytest
 
 from vqa_state import ask, assess, errors, export, optimize
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import MissingExtraError, NothingToSearchError, ProjectError
 from vqa_state.project.project import Project
 from vqa_state.search.genetic import SearchSettings

@@ -5,7 +5,7 @@ import tempfile
 
 import pytest
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Failure, Reply
 from vqa_state.testing import DETERMINISTIC_RULES, RULES, ScriptedModel, check_model
 

@@ -15,7 +15,7 @@ os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"  # before gradio is imported, a
 from stand_ins import Gate, picture, says
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.project.project import Project
 from vqa_state.study.collect import ask
 from vqa_state.study.optimize import optimize

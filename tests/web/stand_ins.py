@@ -7,7 +7,7 @@ import threading
 import numpy as np
 from PIL import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.web.jobs import Snapshot
 from vqa_state.web.session import Desk
 

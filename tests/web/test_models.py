@@ -12,7 +12,7 @@ from stand_ins import finished
 from stub_server import Result, Stub
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError, NotApprovedError, VQAStateError
 from vqa_state.models import Reply, presets
 from vqa_state.models.hub.snapshots import DownloadProgress

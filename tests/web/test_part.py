@@ -10,7 +10,7 @@ from stand_ins import finished, says
 from starlette.testclient import TestClient
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import MissingAnswersError, NothingToSearchError
 from vqa_state.models import Failure
 from vqa_state.project.split import Split

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from vqa_state import models
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError, NotApprovedError
 from vqa_state.models.address import ModelAddress
 from vqa_state.models.approval import withdraw

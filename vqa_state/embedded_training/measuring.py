@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.rates import Counts, count, question_stats, score
 from vqa_state.answers.table import AnswerTable
 from vqa_state.embedded_training.dataset import Example

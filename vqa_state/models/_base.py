@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 
 from PIL.Image import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 
 __all__ = ["Failure", "Interruptible", "Reply", "VQAModel"]
 

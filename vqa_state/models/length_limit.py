@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from vqa_state.answers.parse import CUT_OFF
+from vqa_state.answers.answer import CUT_OFF
 from vqa_state.errors import ModelError
 from vqa_state.models.address import DEFAULT_MAX_TOKENS, ModelAddress
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from vqa_state.answers.parse import Answer, Reading
+from vqa_state.answers.answer import Answer, Reading
 from vqa_state.models._base import Interruptible, Reply, VQAModel
 
 __all__ = ["N_CALLS", "PROBES", "Probe", "Said", "Sight", "is_clear", "replies_until", "sight_of"]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from PIL import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.images import pixel_hash
 from vqa_state.images.augmentation import Augmentation, late_copies

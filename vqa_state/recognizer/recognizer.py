@@ -16,7 +16,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from vqa_state import models
-from vqa_state.answers.parse import PARSER_VERSION, Answer
+from vqa_state.answers.answer import PARSER_VERSION, Answer
 from vqa_state.answers.table import MISSING
 from vqa_state.errors import RecognizerError
 from vqa_state.images.picture_input import PictureInput, picture_pixels

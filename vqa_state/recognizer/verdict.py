@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.votes.state import State
 
 __all__ = ["Verdict", "Vote"]

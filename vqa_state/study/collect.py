@@ -15,7 +15,7 @@ import numpy as np
 from filelock import FileLock, Timeout
 from PIL import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.store import AnswerStore, CopyKey, copy_keys
 from vqa_state.answers.table import MISSING, AnswerTable
 from vqa_state.errors import ImageError, ModelError, NothingToSearchError, ProjectError

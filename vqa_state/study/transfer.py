@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.answers.store import AnswerStore, copy_keys
 from vqa_state.errors import NothingToSearchError, RecognizerError
 from vqa_state.evaluation.intervals import Interval, clopper_pearson

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 from PIL import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.models import Failure, VQAModel
 from vqa_state.models.capability_cache import KnownModel, known_as, known_model, remember

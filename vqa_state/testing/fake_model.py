@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from PIL.Image import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Failure, Reply
 
 __all__ = ["ScriptedModel"]

@@ -22,7 +22,7 @@ from types import MappingProxyType
 import numpy as np
 from PIL import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Failure, VQAModel
 
 __all__ = ["DETERMINISTIC_RULES", "RULES", "check_model", "outcomes"]

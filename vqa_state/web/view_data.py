@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from vqa_state.answers.parse import CUT_OFF
+from vqa_state.answers.answer import CUT_OFF
 from vqa_state.evaluation.label_ranking import Suggestion
 from vqa_state.project.project import LabelledImage, Project, StateNames
 from vqa_state.questions.grid import BuiltGrid, Form, Question

@@ -11,7 +11,7 @@ from pictures import draw
 from PIL import Image
 from tiny_models import tiny_folder
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.models import Failure
 from vqa_state.models.address import Device, Precision

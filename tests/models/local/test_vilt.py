@@ -8,7 +8,7 @@ import torch
 from pictures import draw
 from tiny_models import tiny_folder
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.embedded_training.experiments import questions_about
 from vqa_state.models import Failure
 from vqa_state.models.address import Device, Precision

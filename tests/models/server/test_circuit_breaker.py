@@ -9,7 +9,7 @@ from pictures import draw
 from server_cases import QUICK, answers, error, hang, model_of, outcomes
 from stub_server import Result, free_port, good
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Failure
 from vqa_state.models.server.model import CallBudget, ServerModel
 from vqa_state.study.collect import ask, plan

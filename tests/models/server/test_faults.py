@@ -10,7 +10,7 @@ from pictures import draw
 from server_cases import IMPATIENT, answers, cut_off, error, hang, model_of, only_bad, outcomes
 from stub_server import Result, Stub, completion, good
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Failure
 from vqa_state.models.server.model import CallBudget
 

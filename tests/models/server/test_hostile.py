@@ -7,7 +7,7 @@ import pytest
 from server_cases import QUICK, answers, error, model_of, only_bad, outcomes
 from stub_server import Result, completion, good
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.models import Failure
 from vqa_state.models.server import call as server_calls

@@ -19,7 +19,7 @@ from server_cases import (
 )
 from stub_server import Result, completion, free_port, good
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.models.server.model import DEFAULT_PROMPT, CallBudget, ServerModel, list_models
 from vqa_state.study.collect import ask, plan

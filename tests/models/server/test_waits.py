@@ -8,7 +8,7 @@ from pictures import draw
 from server_cases import answers, model_of, outcomes
 from stub_server import Result, good
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models.server.model import CallBudget
 from vqa_state.study.collect import ask, plan
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from PIL.Image import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.models._base import Failure, Reply
 from vqa_state.models.address import DEFAULT_MAX_TOKENS

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PIL.Image import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models._base import Reply
 
 __all__ = ["EmbeddedModel"]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from PIL.Image import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.images.converting import as_rgb
 from vqa_state.models._base import Failure, Reply
 from vqa_state.models.address import Device

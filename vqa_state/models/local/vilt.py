@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from PIL.Image import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models.address import Device
 from vqa_state.models.local.classic import Said, TorchImageModel, fingerprint_of
 from vqa_state.models.local.loading import Parts, load_parts

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from PIL import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.images.converting import as_rgb
 from vqa_state.models._base import Failure, Reply
 from vqa_state.models.server.call import Caller

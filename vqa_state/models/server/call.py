@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models.address import DEFAULT_MAX_TOKENS
 from vqa_state.models.api_keys import ApiKey
 from vqa_state.models.server.circuit_breaker import Doubt

@@ -4,7 +4,7 @@ import json
 import math
 from typing import Any
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models.address import DEFAULT_MAX_TOKENS
 from vqa_state.models.api_keys import ApiKey, without_keys
 from vqa_state.models.server.faults import Fault, Reach, body_fault, not_understood

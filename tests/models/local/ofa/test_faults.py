@@ -9,7 +9,7 @@ from model_zoo import CPU, ofa_folder
 from pictures import draw
 from safetensors.torch import load_file, save_file
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.models import Failure
 from vqa_state.models.local.ofa import decoding
 from vqa_state.models.local.ofa.model import OfaModel

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from PIL.Image import Image
 
-from vqa_state.answers.parse import Answer
+from vqa_state.answers.answer import Answer
 from vqa_state.errors import ModelError
 from vqa_state.models._base import Failure, Reply
 from vqa_state.models.local.exclusive_access import Turns, till_stopped
